@@ -35,7 +35,7 @@ examples: .venv/.all
 	@for example in examples/[0-9]*.py; do echo "--- $$example"; $(BIN)/python $$example || exit 1; done
 
 docs: .venv/.all
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # The table, the picture and the demo's answer in README.md, from their seeds.
 readme: .venv/.all
@@ -66,9 +66,10 @@ constraints:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; give one with PYTHON=..., found " + sys.version)'
 	$(PYTHON) -m venv .venv
 
+# --no-compile: Python compiles what it imports; compiling everything costs 96 MB.
 .venv/.demo: pyproject.toml constraints.txt | .venv/bin/python
-	$(PIP) hatchling editables
-	$(PIP) --no-build-isolation --editable ".[learned]"
+	$(PIP) --no-compile hatchling editables
+	$(PIP) --no-compile --no-build-isolation --editable ".[learned]"
 	@touch $@
 
 .venv/.all: .venv/.demo
