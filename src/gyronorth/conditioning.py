@@ -145,11 +145,9 @@ class Sway:
     tilt_noise: Array  # variance per axis of that change from noise, by what the two do not share, rad^2; NaN
     yaw_variance: Array  # variance of the integrated vertical rate about its trend, rad^2
     excursion: Array  # largest integrated rotation from the trend, any axis, rad
-    blocks: int  # number of blocks used
-    block: float  # length of a block, s
 
 
-def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float, blocks: int = 100) -> Sway:
+def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float) -> Sway:
     """Sway from the integrated rate and, where there is one, the accelerometer.
 
     Parameters
@@ -160,30 +158,27 @@ def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float,
         Rotation to the frame levelled by the mean.
     rate_hz : float
         Sample rate, Hz.
-    blocks : int
-        The record is cut into about this many blocks of at least one sample.
 
     Notes
     -----
     The covariance of the two is free of both sensors' noise, which is independent.
     """
-    n = gyro_b.shape[-2]
-    size = max(1, n // blocks)
     turn = np.swapaxes(mat_lb, -1, -2)
-    rate = block_means(gyro_b, size) @ turn
-    count, seconds = rate.shape[-2], size / rate_hz
-    angle = _without_trend((np.cumsum(rate, axis=-2) - rate / 2) * seconds)
+    rate = gyro_b @ turn
+    angle = np.cumsum(rate, axis=-2)
+    angle -= rate / 2
+    angle = _without_trend(angle / rate_hz)
     horizontal = angle[..., :2]
     if accel_b is None:
-        covariance = change = own = np.full(rate.shape[:-2], np.nan)
+        covariance = change = own = np.full(angle.shape[:-2], np.nan)
     else:
-        force = block_means(accel_b, size) @ turn
+        force = accel_b @ turn
         gravity = np.linalg.norm(force.mean(axis=-2), axis=-1)[..., None, None]
         # A small roll moves f_y by -g roll, a small pitch f_x by g pitch, in frd axes at rest.
         tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity
         bent = _without_trend(tilt)
         covariance = np.mean(horizontal * bent, axis=(-2, -1))
-        change = np.linalg.norm(_trend(tilt), axis=-1) * count
+        change = np.linalg.norm(_trend(tilt), axis=-1) * tilt.shape[-2]
         own = slope_variance(bent - horizontal, duration=1.0)
     return Sway(
         gyro_variance=np.mean(horizontal**2, axis=(-2, -1)),
@@ -192,8 +187,6 @@ def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float,
         tilt_noise=own,
         yaw_variance=np.mean(angle[..., 2] ** 2, axis=-1),
         excursion=np.sqrt(np.max(np.sum(angle**2, axis=-1), axis=-1)),
-        blocks=count,
-        block=seconds,
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gyronorth.alignment.closed_form import Levelled, align_mean
 from gyronorth.alignment.inertial import align_inertial
-from gyronorth.conditioning import GATE_SIGMA, Noise, Sway, noise_density, sway
+from gyronorth.conditioning import GATE_SIGMA, Sway, noise_density, sway
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.levelling import mat_lb
 from gyronorth.sensor import Sensor, TriadErrors
@@ -40,8 +40,8 @@ MOTION_RATIO = 0.3
 NOISE_MISFIT = 2.5
 #: Squared discrepancy, in units of known noise, that noise alone stays below in half of all records.
 NOISE_EXPLAINS = np.log(2)
-#: The same that noise alone exceeds in one record of 400.
-BIAS_EVIDENT = 6.0
+#: The same that noise alone exceeds in one record of 100.
+BIAS_EVIDENT = np.log(100)
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Disturbance:
     """What the batch shows of motion and noise, arrays over recordings."""
 
     sway: Sway
-    noise: Noise
+    white: Array  # variance of the mean rate per axis from white noise, by the record itself, (rad/s)^2
     variance: Array  # added to a horizontal component of the mean rate, (rad/s)^2
     yaw_variance: Array  # added to the vertical component, (rad/s)^2
     detected: Array  # bool
@@ -97,15 +97,16 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
     moved = sway(data.gyro_b, data.accel_b, mat_lb=mat_lb(mean.roll, mean.pitch), rate_hz=data.rate_hz)
     noise = noise_density(data.gyro_b, rate_hz=data.rate_hz)
     if data.sensor is None:
-        unit, unit_limit = bent_angle_variance(TriadErrors(white=1.0), moved.blocks, moved.block)
+        unit, unit_limit = bent_angle_variance(TriadErrors(white=1.0), data.duration)
         expected, limit = noise.density**2 * unit, noise.density**2 * unit_limit
         bent = (noise.excess > noise.excess_limit) & (moved.gyro_variance > limit)
         own_change = moved.tilt_noise
     else:
-        unit, unit_limit = bent_angle_variance(data.sensor.gyro, moved.blocks, moved.block)
+        unit, unit_limit = bent_angle_variance(data.sensor.gyro, data.duration)
         expected, limit = np.full_like(noise.density, unit), np.full_like(noise.density, unit_limit)
         bent = moved.gyro_variance > limit
         own_change = np.maximum(moved.tilt_noise, _trend_variance(data.sensor, data.duration))
+    white = noise.density**2 / data.duration
     if data.accel_b is None:
         detected, change = bent, np.zeros_like(limit)
         oscillation = np.maximum(moved.gyro_variance - expected, 0)
@@ -114,9 +115,11 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
         detected = bent | (square > GATE_SIGMA**2 * own_change)
         change = np.maximum(square - own_change, 0)
         oscillation = np.maximum(moved.tilt_variance, 0)
+        # Sway looks like noise of the gyro, but not in the difference of gyro and tilt.
+        white = np.where(detected, np.minimum(white, moved.tilt_noise / data.duration**2), white)
     return Disturbance(
         sway=moved,
-        noise=noise,
+        white=white,
         variance=np.where(detected, (2 * oscillation + change) / data.duration**2, 0.0),
         yaw_variance=np.where(detected, 2 * moved.yaw_variance / data.duration**2, 0.0),
         detected=detected,
@@ -139,19 +142,19 @@ def prefers_inertial(data: Data, moved: Disturbance, mean: Solution, traced: Sol
     """
     disturbed = moved.detected
     if data.sensor is None:
-        white = moved.noise.density**2 / data.duration
-        disturbed = disturbed | (traced.parts["noise"] < MOTION_RATIO * white)
+        disturbed = disturbed | (traced.parts["noise"] < MOTION_RATIO * moved.white)
     return disturbed & (traced.sigma < mean.sigma)
 
 
 def solve_mean(data: Data, mean: Levelled, moved: Disturbance) -> Solution:
     """Plain averaging with its uncertainty."""
-    white = moved.noise.density**2 / data.duration
+    white = moved.white
     if data.sensor is None:
         parts = {"noise": white, "sway": moved.variance}
     else:
         parts = _claimed(data, mean, "mean")
-        parts["noise"] = np.where(white > NOISE_MISFIT * parts["noise"], white, parts["noise"])
+        misfit = ~moved.detected & (white > NOISE_MISFIT * parts["noise"])
+        parts["noise"] = np.where(misfit, white, parts["noise"])
         parts["sway"] = moved.variance
     return _conclude(data, mean, parts, moved, vertical=white + moved.yaw_variance, inertial=False)
 
@@ -173,8 +176,7 @@ def solve_inertial(data: Data, moved: Disturbance) -> Solution:
         parts = _claimed(data, traced, "inertial")
         claimed = parts["noise"] + parts["drift"]
         parts["sway"] = np.where(measured > NOISE_MISFIT * claimed, measured - claimed, 0.0)
-    white = moved.noise.density**2 / data.duration
-    return _conclude(data, traced, parts, moved, vertical=white + moved.yaw_variance, inertial=True)
+    return _conclude(data, traced, parts, moved, vertical=moved.white + moved.yaw_variance, inertial=True)
 
 
 def _claimed(data: Data, found: Levelled, method: str) -> dict[str, Array]:

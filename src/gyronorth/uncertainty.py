@@ -198,31 +198,29 @@ def von_mises(concentration: ArrayLike) -> tuple[Array, Array]:
 
 @lru_cache
 def _von_mises_table() -> tuple[Array, Array, Array]:
-    grid = np.geomspace(1e-4, 1e6, 800)
+    grid = np.geomspace(1e-4, 1e6, 300)
     # Quadrature over the part of the circle that holds the mass, mirror symmetric.
     limit = np.minimum(np.pi, 9 / np.sqrt(grid))[:, None]
-    angle = limit * (np.arange(4000) + 0.5) / 4000
+    angle = limit * (np.arange(1500) + 0.5) / 1500
     weight = np.exp(grid[:, None] * (np.cos(angle) - 1))
     weight /= weight.sum(axis=1, keepdims=True)
     rms = np.sqrt((weight * angle**2).sum(axis=1))
     cumulative = np.cumsum(weight, axis=1)
-    step = limit[:, 0] / 4000
+    step = limit[:, 0] / 1500
     half = np.array([np.interp(0.95, c, a) for c, a in zip(cumulative, angle, strict=True)]) + step / 2
     return grid, rms * np.sqrt(grid), half * np.sqrt(grid)
 
 
 @lru_cache(maxsize=64)
-def bent_angle_variance(errors: TriadErrors, blocks: int, block: float) -> tuple[float, float]:
+def bent_angle_variance(errors: TriadErrors, duration: float) -> tuple[float, float]:
     """What the integrated rate of a unit at rest strays from its trend, from noise and drift alone.
 
     Parameters
     ----------
     errors : TriadErrors
         Error terms of the gyro.
-    blocks : int
-        Number of blocks of the record.
-    block : float
-        Their length, s.
+    duration : float
+        Length of the record, s.
 
     Returns
     -------
@@ -232,11 +230,12 @@ def bent_angle_variance(errors: TriadErrors, blocks: int, block: float) -> tuple
 
     Notes
     -----
-    With the covariance S of block means (white N^2 / block, Gauss-Markov in closed form,
+    With the covariance S of the means of 100 blocks (white N^2 / block, Gauss-Markov in closed form,
     random walk K^2 min(t, t')), L the integration and P the projection away from a line,
     the expectation is tr(P L S L' P) / blocks and the variance of two pooled axes
     tr((P L S L' P)^2) / blocks^2.
     """
+    blocks, block = 100, duration / 100
     lag = np.abs(np.subtract.outer(np.arange(blocks), np.arange(blocks)))
     covariance = errors.white**2 / block * np.eye(blocks)
     for variance, tau in zip(*flicker_components(errors), strict=True):
