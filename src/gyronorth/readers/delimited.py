@@ -97,7 +97,7 @@ def _comments(head: TextHead) -> tuple[Facts, bool]:
         text, row = texts[key]
         if not (_is_number(text) and low <= float(text) <= high):
             raise InputError(
-                f"Row {row} of {head.name}: {key} is {text!r}; a number of {low:g} to {high:g} is expected."
+                f"Row {row} of {head.name}: {key} is {text[:60]!r}; a number of {low:g} to {high:g} is expected."
             )
         return float(text)
 

@@ -87,39 +87,30 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
 def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -> tuple[Note, ...]:
     """Which axis gravity lies along, against the axes: no note, or one `axes_suspect`.
 
-    `samples`, shape (n, 6), are in file axes.
-
-    Raises
-    ------
-    InputError
-        If gravity contradicts axes that nobody declared.
+    `samples`, shape (n, 6), are in file axes. A sensor that lies upside down looks the same
+    as one with z up, and the heading of its x axis comes out the same; but right-forward-up
+    taken for forward-right-down would be a right angle off. So the note is blocking where
+    nobody declared the axes.
     """
     force_file, _ = _robust_mean(samples[:, 3:])
     down = -float((mat_bf(declared.axes) @ force_file)[2] / np.linalg.norm(force_file))
     if down >= SUSPECT_DOWN_SHARE:
         return ()
     likely = _vertical_conventions(force_file)
-    measured = f"the mean specific force is ({', '.join(f'{value:+.2f}' for value in force_file)}) m/s^2 in file axes"
-    vertical = "xyz"[int(np.argmax(np.abs(force_file)))]
-    up = force_file["xyz".index(vertical)] > 0
-    cause = (
-        f"{measured}, so its {vertical} axis points {'up' if up else 'down'}, which does not fit axes {declared.axes}. "
-        f"Most likely the file has other axes: {likely}."
+    vertical = int(np.argmax(np.abs(force_file)))
+    message = (
+        f"The mean specific force of {name} is ({', '.join(f'{value:+.2f}' for value in force_file)}) m/s^2 in file axes: "
+        f"its {'xyz'[vertical]} axis points {'up' if force_file[vertical] > 0 else 'down'}, which does not fit axes "
+        f"{declared.axes}. Most likely the file has other axes: {_vertical_conventions(force_file)}. "
     )
-    if not declared.axes_declared:
-        raise InputError(
-            f"{name}: {cause} Declare them: --axes with one of these, or --axes {declared.axes} if the sensor is "
-            "really mounted that way round (or if the file holds gravity instead of specific force, leave its f columns out)."
+    if declared.axes_declared:
+        message += "With those the heading is another one; it is right if the sensor is really mounted that way round."
+    else:
+        message += (
+            f"Declare them: --axes with one of these, or --axes {declared.axes} if the sensor is really mounted that way "
+            "round. (If the file holds gravity instead of specific force, leave its f columns out.)"
         )
-    return (
-        Note(
-            "axes_suspect",
-            f"{cause} With other axes the heading is another one; if the sensor is really mounted that way round, "
-            "it is right.",
-            value=down,
-            limit=SUSPECT_DOWN_SHARE,
-        ),
-    )
+    return (Note("axes_suspect", message, value=down, limit=SUSPECT_DOWN_SHARE, blocking=not declared.axes_declared),)
 
 
 def _vertical_conventions(force_file: NDArray[np.float64]) -> str:

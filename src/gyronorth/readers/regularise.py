@@ -205,7 +205,7 @@ class Regulariser:
             row, why = described[0]
             raise InputError(
                 f"Row {row} of {self._source.name}: {why}. {len(wrong)} of {len(data)} rows are like it: are columns "
-                "and units declared right? (A sensor that is absent can be left out, as in --columns f_x=-,f_y=-,f_z=-.)"
+                "and units declared right? (A sensor that is absent can be left out: --columns f_x=-,f_y=-,f_z=-.)"
             )
         reasons += described
         return usable
@@ -286,8 +286,8 @@ class Regulariser:
             if steps[i] > 1e12 or (before + 1 < self._window[1] and before + steps[i] > self._window[0]):
                 raise InputError(
                     f"Row {rows[i]} of {self._source.name}: {steps[i] / rate_hz:.6g} s lie between this row and the "
-                    f"one before, which ends {(before + 1) / rate_hz:.6g} s of data; gaps of up to {LONGEST_GAP:g} s are "
-                    "bridged. Take a part without the gap: --window START:END, or split the file."
+                    f"one before, which ends {(before + 1) / rate_hz:.6g} s of data; gaps of up to {LONGEST_GAP:g} s "
+                    "are bridged. Take a part without the gap: --window START:END, or split the file."
                 )
 
     def _bridged(

@@ -102,7 +102,7 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
             if len(rest) > LONGEST_LINE:
                 last = row + data.count(b"\n")
                 raise InputError(
-                    f"{path.name} has a line of more than {LONGEST_LINE} characters after row {last}; it is damaged there."
+                    f"{path.name} has a line of more than {LONGEST_LINE} characters after row {last}: it is damaged."
                 )
             if end:
                 data = data.rstrip()  # blank lines at the end are no rows
