@@ -90,7 +90,7 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
 
     The mean over T is wrong by the net tilt change over T: in variance 2 V / T^2 for an
     oscillation of variance V, plus the square of the change that the accelerometer's trend
-    shows. With a profile the integrated rate is held against what its noise and drift stray
+    shows; of yaw nothing shows the trend, and 3 V / T^2 allows for it. With a profile the integrated rate is held against what its noise and drift stray
     from a line (`bent_angle_variance`), and the trend against the accelerometer's noise and
     drift; without one, against the recording's own.
     """
@@ -121,7 +121,7 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
         sway=moved,
         white=white,
         variance=np.where(detected, (2 * oscillation + change) / data.duration**2, 0.0),
-        yaw_variance=np.where(detected, 2 * moved.yaw_variance / data.duration**2, 0.0),
+        yaw_variance=np.where(detected, 3 * moved.yaw_variance / data.duration**2, 0.0),
         detected=detected,
         value=np.sqrt(moved.gyro_variance),
         limit=np.sqrt(limit),
