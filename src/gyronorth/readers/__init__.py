@@ -7,11 +7,11 @@ is guessed. `read` gives a whole recording, `read_chunks` a stream of bounded me
 
 from __future__ import annotations
 
-from .describing import Description, describe
-from .options import ReadOptions, parse_columns
-from .reading import RecordingInfo, read, read_chunks
-from .registry import FORMATS, recordings_in
-from .writing import write
+from gyronorth.readers.describing import Description, describe
+from gyronorth.readers.options import ReadOptions, parse_columns
+from gyronorth.readers.reading import RecordingInfo, read, read_chunks
+from gyronorth.readers.registry import FORMATS, recordings_in
+from gyronorth.readers.writing import write
 
 __all__ = [
     "FORMATS",

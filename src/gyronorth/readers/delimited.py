@@ -15,11 +15,11 @@ import re
 from functools import partial
 from pathlib import Path
 
-from ..recording import Gap, InputError
-from .axes import mat_bf
-from .options import ACCEL_UNITS, GYRO_UNITS, ReadOptions, choose_columns
-from .source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
-from .text import Layout, TextHead, text_blocks
+from gyronorth.readers.axes import mat_bf
+from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions, choose_columns
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
+from gyronorth.readers.text import Layout, TextHead, text_blocks
+from gyronorth.recording import Gap, InputError
 
 #: First line of the files that `write` makes: units, axes and rate are SI, frd and stated.
 SIGNATURE = ("format", "gyronorth.recording/1")

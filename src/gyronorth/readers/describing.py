@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..angles import DEG_PER_HOUR
-from ..earth import EARTH_RATE
-from ..recording import Gap, Note
-from .options import ReadOptions
-from .reading import RecordingInfo, read_chunks
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import EARTH_RATE
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.reading import RecordingInfo, read_chunks
+from gyronorth.recording import Gap, Note
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import InputError
-from .options import ReadOptions, choose_columns
-from .source import NAMES, TIME, Bad, Block, Clock, Facts, Source
+from gyronorth.readers.options import ReadOptions, choose_columns
+from gyronorth.readers.source import NAMES, TIME, Bad, Block, Clock, Facts, Source
+from gyronorth.recording import InputError
 
 #: Largest file and largest array read, bytes: an 8 h recording at 200 Hz with 16 columns has 0.7e9.
 LARGEST_FILE = LARGEST_ARRAY = 1 << 30

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Gap, InputError
-from .mat import DEFLATE_RATIO
-from .options import ReadOptions
-from .source import FORCES, RATES, Bad, Block, Facts, Source
+from gyronorth.readers.mat import DEFLATE_RATIO
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.source import FORCES, RATES, Bad, Block, Facts, Source
+from gyronorth.recording import Gap, InputError
 
 SCHEMA = "gyronorth.recording/1"
 #: Largest array read, bytes.

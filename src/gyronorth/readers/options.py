@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..angles import DEG_PER_HOUR
-from ..earth import STANDARD_GRAVITY
-from ..recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
-from .axes import mat_bf
-from .source import FORCES, NAMES, RATES
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.readers.axes import mat_bf
+from gyronorth.readers.source import FORCES, NAMES, RATES
+from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
 
 #: rad/s in one unit of angular rate.
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": float(np.radians(1.0)), "deg/h": DEG_PER_HOUR}

@@ -13,12 +13,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from ..earth import EARTH_RATE, STANDARD_GRAVITY
-from ..recording import InputError, Note
-from .axes import convention, mat_bf
-from .declared import Declared
-from .options import ACCEL_UNITS, GYRO_UNITS
+from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.readers.axes import convention, mat_bf
+from gyronorth.readers.declared import Declared
+from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
+from gyronorth.recording import InputError, Note
 
 #: A mean rate within this fraction of Earth rate tells that a unit is right.
 NEAR_EARTH_RATE = 0.25
@@ -96,19 +96,18 @@ def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -
     down = -float((mat_bf(declared.axes) @ force_file)[2] / np.linalg.norm(force_file))
     if down >= SUSPECT_DOWN_SHARE:
         return ()
-    likely = _vertical_conventions(force_file)
     vertical = int(np.argmax(np.abs(force_file)))
     message = (
-        f"The mean specific force of {name} is ({', '.join(f'{value:+.2f}' for value in force_file)}) m/s^2 in file axes: "
-        f"its {'xyz'[vertical]} axis points {'up' if force_file[vertical] > 0 else 'down'}, which does not fit axes "
-        f"{declared.axes}. Most likely the file has other axes: {_vertical_conventions(force_file)}. "
+        f"The mean specific force of {name} is ({', '.join(f'{value:+.2f}' for value in force_file)}) m/s^2 in file "
+        f"axes: its {'xyz'[vertical]} axis points {'up' if force_file[vertical] > 0 else 'down'}, which does not fit "
+        f"axes {declared.axes}. Most likely the file has other axes: {_vertical_conventions(force_file)}. "
     )
     if declared.axes_declared:
         message += "With those the heading is another one; it is right if the sensor is really mounted that way round."
     else:
         message += (
-            f"Declare them: --axes with one of these, or --axes {declared.axes} if the sensor is really mounted that way "
-            "round. (If the file holds gravity instead of specific force, leave its f columns out.)"
+            f"Declare them: --axes with one of these, or --axes {declared.axes} if the sensor is really mounted that "
+            "way round. (If the file holds gravity instead of specific force, leave its f columns out.)"
         )
     return (Note("axes_suspect", message, value=down, limit=SUSPECT_DOWN_SHARE, blocking=not declared.axes_declared),)
 

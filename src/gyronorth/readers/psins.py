@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
-from .options import ReadOptions
-from .source import FORCES, RATES, Block, Facts, Source
-from .text import Layout, TextHead, text_blocks
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.source import FORCES, RATES, Block, Facts, Source
+from gyronorth.readers.text import Layout, TextHead, text_blocks
+from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
 
 _ARCSEC = math.pi / 180 / 3600
 _TITLES = ("gx", "gy", "gz", "ax", "ay", "az")

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Gap, InputError, Note, Recording, clip_gaps, gap_notes, shift_utc
-from .declared import Declared, resolve
-from .options import ReadOptions
-from .plausible import check_axes, check_units
-from .registry import open_source
-from .regularise import JITTER, Regulariser
-from .source import Source
+from gyronorth.readers.declared import Declared, resolve
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.registry import open_source
+from gyronorth.readers.regularise import JITTER, Regulariser
+from gyronorth.readers.source import Source
+from gyronorth.recording import Gap, InputError, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Samples per chunk by default: 24 bytes a triad and sample, so a few MiB.
 CHUNK_SAMPLES = 1 << 16

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from ..recording import InputError
-from .delimited import open_csv
-from .mat import open_mat
-from .mt_manager import open_mt_manager
-from .npz import open_npz
-from .options import ReadOptions
-from .psins import open_psins
-from .source import Source
+from gyronorth.readers.delimited import open_csv
+from gyronorth.readers.mat import open_mat
+from gyronorth.readers.mt_manager import open_mt_manager
+from gyronorth.readers.npz import open_npz
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.psins import open_psins
+from gyronorth.readers.source import Source
+from gyronorth.recording import InputError
 
 #: Every format by name: what opens it.
 FORMATS: dict[str, Callable[[Path, ReadOptions], Source]] = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Gap
+from gyronorth.recording import Gap
 
 #: The columns of a recording by our names: time, angular rate, specific force.
 TIME = "t"

@@ -9,10 +9,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from ..recording import InputError, Recording
-from .delimited import SIGNATURE
-from .npz import SCHEMA
-from .source import FORCES, RATES, TIME
+from gyronorth.readers.delimited import SIGNATURE
+from gyronorth.readers.npz import SCHEMA
+from gyronorth.readers.source import FORCES, RATES, TIME
+from gyronorth.recording import InputError, Recording
 
 _BLOCK_ROWS = 1 << 14
 
