@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -28,3 +28,46 @@ def sensors(as_json: Json = False) -> None:
         print_json([json.loads(profiles.builtin_text(name)) for name in profiles.names()])
     else:
         print_sensors([read_sensor(name) for name in profiles.names()], sys.stdout)
+
+
+@app.command()
+@with_reading
+def allan(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of a sensor that stood still.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PROFILE", help="Write a profile for --sensor (JSON).")
+    ] = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE", help="Profile that supplies what the recording cannot show, such as turn-on bias."
+        ),
+    ] = None,
+    as_json: Json = False,
+    plot: Plot = None,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Allan deviation of a recording, and the error terms of its sensor with their intervals."""
+    from gyronorth import readers
+    from gyronorth.allan import characterise
+    from gyronorth.report.sensors import print_characterisation
+    from gyronorth.sensor import read_sensor, write_sensor
+
+    check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
+    base = None if sensor is None else read_sensor(sensor)
+    with working(f"reading {source.name}"):
+        recording = readers.read(source, reading)
+    with working("identifying error terms"):
+        found = characterise(recording, base=base, name=None if output is None else output.stem)
+    if output is not None:
+        write_sensor(found.sensor, output)
+    if plot is not None:
+        from gyronorth.report import figures
+
+        with working("drawing"):
+            figures.write(figures.characterisation_figure(found), plot)
+    if as_json:
+        print_json(found.to_json())
+    else:
+        print_characterisation(found, sys.stdout)

@@ -7,8 +7,9 @@ report, where the colours become CSS variables so that they follow a light or a 
 
 from __future__ import annotations
 
+import re
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -18,15 +19,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from gyronorth.angles import DEG_PER_HOUR, wrap
+from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.report.writing import written_beside
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from gyronorth.allan import AllanDeviation
+    from gyronorth.allan import AllanDeviation, Characterisation, Identification
     from gyronorth.pipeline import Convergence, HeadingEstimate
-
-#: Suffixes that a plot may be written to.
-SUFFIXES = (".png", ".svg", ".pdf")
 
 #: Colour on a light page -> CSS variable of the HTML report.
 COLOURS = {
@@ -135,27 +135,52 @@ def draw_convergence(
     steps = [1, 2, 3, 5, 10] if np.ptp(axes.get_ylim()) < 120 else [1, 3, 4.5, 9, 10]
     axes.yaxis.set_major_locator(MaxNLocator(nbins=7, steps=steps))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value % 360, 4) % 360:g}"))
-    _legend_above(axes)
+    _legend_above(axes, columns=2)
 
 
-def draw_allan(axes: Axes, deviation: AllanDeviation) -> None:
-    """Allan deviation of the gyro's axes with 95 % bounds."""
-    axes.set(title="Allan deviation of the gyro", xlabel="averaging time (s)", ylabel="deviation (deg/h)")
-    axes.set(xscale="log", yscale="log")
-    curves = zip(AXIS_STYLES, deviation.deviation.T, deviation.low.T, deviation.high.T, strict=True)
-    for (name, colour, line), value, low, high in curves:
-        axes.fill_between(deviation.tau, low / DEG_PER_HOUR, high / DEG_PER_HOUR, color=colour, alpha=0.13, linewidth=0)
-        axes.plot(deviation.tau, value / DEG_PER_HOUR, color=colour, linestyle=line, label=f"body {name}")
-    axes.grid(which="minor", alpha=0.35)
-    _legend_above(axes)
-
-
-def save(figure: Figure, path: Path, *, suffix: str) -> None:
-    """Write the figure to `path` in the format of `suffix`, one of `SUFFIXES`."""
+def characterisation_figure(found: Characterisation) -> Figure:
+    """Allan deviation of gyro and accelerometer with the fitted model of each triad."""
     with mpl.rc_context(SETTINGS):
-        FigureCanvasAgg(figure)
-        metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
-        figure.savefig(path, format=suffix.lstrip("."), dpi=150, metadata=metadata)
+        figure = _figure(8.0, 4.8 if found.accel is None else 9.2)
+        axes = figure.subplots(1 if found.accel is None else 2, 1, squeeze=False)[:, 0]
+        draw_allan(axes[0], found.gyro.deviation, model=found.gyro.triad)
+        if found.accel is not None:
+            draw_allan(axes[1], found.accel.deviation, model=found.accel.triad, sensor="accelerometer")
+    return figure
+
+
+def draw_allan(
+    axes: Axes,
+    deviation: AllanDeviation,
+    *,
+    model: Identification | None = None,
+    sensor: Literal["gyro", "accelerometer"] = "gyro",
+) -> None:
+    """Allan deviation of three axes with 95 % bounds and, where given, the model fitted to all three."""
+    unit, one = ("deg/h", DEG_PER_HOUR) if sensor == "gyro" else ("mg", 1e-3 * STANDARD_GRAVITY)
+    axes.set(title=f"Allan deviation of the {sensor}", xlabel="averaging time (s)", ylabel=f"deviation ({unit})")
+    axes.set(xscale="log", yscale="log")
+    curves = zip(
+        AXIS_STYLES, *(part.T / one for part in (deviation.deviation, deviation.low, deviation.high)), strict=True
+    )
+    for (name, colour, line), value, low, high in curves:
+        if value.all():  # an axis that does not vary has no place on a logarithmic scale
+            axes.fill_between(deviation.tau, low, high, color=colour, alpha=0.13, linewidth=0)
+            axes.plot(deviation.tau, value, color=colour, linestyle=line, label=f"body {name}")
+    if model is not None:
+        tau = deviation.tau[deviation.tau >= model.tau[0] * 0.999]
+        axes.plot(tau, model.deviation(tau) / one, color=INK, linewidth=1.0, label="model of the triad")
+    axes.grid(which="minor", alpha=0.35)
+    _legend_above(axes, columns=3 if model is None else 4)
+
+
+def write(figure: Figure, path: Path) -> None:
+    """Write the figure in the format of the suffix, .png, .svg or .pdf."""
+    suffix = path.suffix.lower()
+    FigureCanvasAgg(figure)
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
+    with mpl.rc_context(SETTINGS), written_beside(path) as part:
+        figure.savefig(part, format=suffix.lstrip("."), dpi=150, metadata=metadata)
 
 
 def svg_text(figure: Figure, *, salt: str) -> str:
@@ -168,17 +193,21 @@ def svg_text(figure: Figure, *, salt: str) -> str:
         figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\1{salt}-", svg)
     for colour, variable in COLOURS.items():
         svg = svg.replace(colour, f"var({variable})")
     return svg
 
 
-def _legend_above(axes: Axes) -> None:
-    """Two columns between title and axes, where no curve can run through them."""
-    rows = (len(axes.get_legend_handles_labels()[0]) + 1) // 2
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=2, borderaxespad=0.2, handlelength=2.2)
+def _legend_above(axes: Axes, *, columns: int) -> None:
+    """The legend between title and axes, where no curve can run through it."""
+    rows = -(-len(axes.get_legend_handles_labels()[0]) // columns)
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=columns, borderaxespad=0.2, handlelength=2.2)
     axes.set_title(axes.get_title(loc="left"), pad=8 + 14.5 * rows)
 
 
 def _figure(width: float, height: float) -> Figure:
-    return Figure(figsize=(width, height), layout="constrained")
+    """An empty figure, inches."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr]
+    return figure

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from math import cos, radians, sin
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -52,7 +53,7 @@ def heading_page(
         .get_template("heading.html.jinja")
         .render(
             doc=doc,
-            file=outcome.file,
+            name=PurePath(outcome.file).name,
             verdict=verdict_text(doc),
             interval=interval_text(doc["interval95_deg"], unit="°"),
             true_deg=true_deg,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,7 +26,11 @@ from gyronorth.cli.progress import working
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
 
-OutputRecording = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Recording to write.")]
+#: What `readers.write` writes.
+RECORDING_SUFFIXES = (".csv", ".npz")
+OutputRecording = Annotated[
+    Path, typer.Option("-o", "--output", metavar="FILE", help="Recording to write, .csv or .npz.")
+]
 
 
 def parse_turn(text: str) -> tuple[float, float, float]:
@@ -78,7 +83,7 @@ def simulate(
 
     from gyronorth import readers, simulation
 
-    check_outputs({"-o": (output, ())})
+    check_outputs({"-o": (output, RECORDING_SUFFIXES)})
     motion = simulation.Motion(turns=tuple(turn or ()), disturbance=disturbance)
     with working("simulating"):
         recording = simulation.simulate(
@@ -93,4 +98,53 @@ def simulate(
             motion=motion,
             accel=not no_accel,
         )
+        readers.write(recording, output)
+
+
+@app.command()
+@with_reading
+def info(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
+    as_json: Json = False,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Show what a recording holds: format, units, axes, rate, length, truth, gaps, mean rate."""
+    from gyronorth import readers
+    from gyronorth.report.recordings import print_description
+
+    with working(f"reading {source.name}"):
+        description = readers.describe(source, reading)
+    if as_json:
+        print_json(description.to_json())
+    else:
+        print_description(description, sys.stdout)
+
+
+@app.command()
+@with_reading
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
+    output: OutputRecording,
+    decimate_to: Annotated[
+        Any,
+        typer.Option(
+            metavar="HZ",
+            parser=number("a positive rate in Hz", "3", above=0),
+            help="Average down to this rate, any ratio; the mean is kept exactly.",
+        ),
+    ] = None,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Rewrite a recording in SI and body axes (.csv or .npz), at a lower rate if asked."""
+    from gyronorth import readers
+    from gyronorth.conditioning import decimated
+
+    check_outputs({"-o": (output, RECORDING_SUFFIXES)}, source=source)
+    with working(f"reading {source.name}"):
+        recording = readers.read(source, reading)
+    if decimate_to is not None:
+        recording = decimated(recording, decimate_to)
+    with working(f"writing {output.name}"):
         readers.write(recording, output)
