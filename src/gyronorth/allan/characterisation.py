@@ -248,8 +248,8 @@ def _gap_message(recording: Recording) -> str:
     missing = sum(gap.samples for gap in recording.gaps)
     return (
         f"{recording.source or 'The recording'} has {len(recording.gaps)} gap(s), {missing} samples in all; bridged "
-        "samples would make the noise look smaller. The Allan deviation needs an unbroken record: use a window without a gap, "
-        f"the longest is {np.ceil(start * 1000) / 1000:g}:{np.floor(end * 1000) / 1000:g} s."
+        "samples would make the noise look smaller. The Allan deviation needs an unbroken record: use a window "
+        f"without a gap; the longest is {np.ceil(start * 1000) / 1000:g}:{np.floor(end * 1000) / 1000:g} s."
     )
 
 
