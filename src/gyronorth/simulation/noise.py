@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,8 +163,7 @@ def _markov(variance: float, step: float, shape: tuple[int, int, int], *, rng: n
     noise = rng.standard_normal(shape)
     noise *= np.sqrt(variance)
     noise[:, 1:] *= np.sqrt(-np.expm1(-2 * step))
-    filtered: Any = lfilter([1.0], [1.0, -keep], noise, axis=1)
-    return filtered
+    return cast(Array, lfilter([1.0], [1.0, -keep], noise, axis=1))
 
 
 def _refine(knots: Array, ratio: int, count: int) -> Array:
@@ -177,8 +176,10 @@ def _refine(knots: Array, ratio: int, count: int) -> Array:
 
 def _interval_weights(stride: int) -> Array:
     """What the two knots of a step give each interval between them, shape (6, 3 stride)."""
-    right = (np.arange(stride) + 0.5) / stride
-    return np.concatenate([np.kron(1 - right, np.eye(3)), np.kron(right, np.eye(3))])
+    right, axis = (np.arange(stride) + 0.5) / stride, np.arange(3)
+    weights = np.zeros((6, stride, 3))
+    weights[axis, :, axis], weights[axis + 3, :, axis] = 1 - right, right
+    return weights.reshape(6, 3 * stride)
 
 
 def _add_interpolated(block: Array, knots: Array, weights: Array, stride: int) -> None:
@@ -219,6 +220,5 @@ class _IntervalMeans:
 
     def draw(self, samples: int, *, rng: np.random.Generator) -> Array:
         noise = self._sigma * rng.standard_normal((self._state.shape[0], samples, 3))
-        means: Any
         means, self._state = lfilter(self._b, self._a, noise, axis=1, zi=self._state)
-        return means
+        return cast(Array, means)
