@@ -201,9 +201,14 @@ def chi_square_point(probability: ArrayLike, dof: ArrayLike) -> Array:
 def _slope(m: Array, variance: Array) -> Array:
     """Local slope of ln variance against ln tau, a straight line over a factor of four to each side."""
     log_m, log_v = np.log(m), np.log(np.maximum(variance, np.finfo(float).tiny))
-    slope = np.full(len(m), -1.0)
-    for i in range(len(m)):
-        near = np.abs(log_m - log_m[i]) <= np.log(4) + 1e-9
-        if near.sum() > 1:
-            slope[i] = np.polyfit(log_m[near], log_v[near], 1)[0]
-    return slope
+    first = np.searchsorted(log_m, log_m - np.log(4) - 1e-9)
+    last = np.searchsorted(log_m, log_m + np.log(4) + 1e-9)
+    count = last - first
+
+    def mean(values: Array) -> Array:
+        running = np.concatenate([[0.0], np.cumsum(values)])
+        return (running[last] - running[first]) / count
+
+    spread = mean(log_m**2) - mean(log_m) ** 2
+    common = mean(log_m * log_v) - mean(log_m) * mean(log_v)
+    return np.where(count > 1, common / np.where(count > 1, spread, 1.0), -1.0)
