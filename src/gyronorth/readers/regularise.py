@@ -121,6 +121,8 @@ class Regulariser:
                     f"which lasts {duration:g} s."
                 )
             raise InputError(f"{name} holds no rows of data.")
+        if self._position == 0:
+            raise InputError(f"{name} holds a single row of data; a recording needs seconds of them.")
         if self._options.window and self._position + 1.5 < self._window[1]:
             raise InputError(
                 f"Window {self._options.window[0]:g}:{self._options.window[1]:g} s does not fit {name}, which lasts "
