@@ -206,8 +206,8 @@ class TestTerminal:
         )
         header, a, b, c = stream.getvalue().splitlines()
         assert header.split()[0] == "file"
-        assert a.split() == ["a.csv", "40.31", "4.58", "31.30", "to", "49.30", "deg", "valid"]
-        assert b.endswith("refused: do not use this heading (rate_norm)")
+        assert a.split() == ["a.csv", "40.31", "4.58", "31.30", "to", "49.30", "valid"]
+        assert b.endswith("refused (rate_norm)")
         assert c.endswith("error: Bad.")
 
 

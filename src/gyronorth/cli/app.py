@@ -38,7 +38,8 @@ def _user_error(error: Exception) -> str | None:
     if hasattr(error, "format_message"):  # usage errors of click, wherever this version of typer keeps them
         context = getattr(error, "ctx", None)
         hint = f"\nTry '{context.command_path} --help'." if context else ""
-        return error.format_message() + hint  # type: ignore[attr-defined]
+        # Some versions let a word of pydantic's through.
+        return error.format_message().replace("Value error, ", "") + hint  # type: ignore[attr-defined]
     if isinstance(error, InputError):
         return str(error)
     if isinstance(error, OSError):

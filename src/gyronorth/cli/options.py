@@ -137,6 +137,9 @@ SensorName = Annotated[
         "--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.", rich_help_panel=SITE
     ),
 ]
+RequiredSensor = Annotated[
+    str, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
     Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
@@ -241,12 +244,18 @@ def with_reading(command: Callable[..., int | None]) -> Callable[..., int | None
 
 
 def _read_options(values: dict[str, Any]) -> ReadOptions:
+    """The declarations about a file; a bad one is named as the option it came from."""
     from gyronorth.readers import ReadOptions
+    from gyronorth.recording import InputError
 
     given = {name: values[name] for name in READING if values[name] is not None}
-    if "rate" in given:
-        given["rate_hz"] = given.pop("rate")
-    return ReadOptions(**given)
+    fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
+    for option, (field, value) in zip(given, fields.items(), strict=True):
+        try:
+            ReadOptions(**{field: value})
+        except InputError as error:
+            raise typer.BadParameter(str(error), param_hint=f"'--{option.replace('_', '-')}'") from None
+    return ReadOptions(**fields)
 
 
 def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:

@@ -14,6 +14,7 @@ from gyronorth.cli.options import (
     Json,
     Latitude,
     Pitch,
+    RequiredSensor,
     Roll,
     check_outputs,
     degrees,
@@ -44,9 +45,16 @@ def parse_turn(text: str) -> tuple[float, float, float]:
     return start, duration, radians(angle_deg)
 
 
+def parse_seed(text: str) -> int:
+    """A whole number that is not negative."""
+    if not (text.isascii() and text.isdigit()):
+        raise typer.BadParameter(f"{text!r} is not a whole number of at least 0; example: 1")
+    return int(text)
+
+
 @app.command()
 def simulate(
-    sensor: Annotated[str, typer.Option(metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")],
+    sensor: RequiredSensor,
     latitude: Latitude,
     heading: Annotated[
         Any,
@@ -63,7 +71,7 @@ def simulate(
     rate: Annotated[
         Any, typer.Option(metavar="HZ", parser=number("a positive rate in Hz", "100", above=0), help="Sample rate, Hz.")
     ],
-    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same recording.")],
+    seed: Annotated[Any, typer.Option(metavar="N", parser=parse_seed, help="The same seed gives the same recording.")],
     output: OutputRecording,
     roll: Roll = None,
     pitch: Pitch = None,

@@ -4,17 +4,34 @@ from __future__ import annotations
 
 import json
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import PLOT_SUFFIXES, Json, Plot, check_outputs, print_json, with_reading
+from gyronorth.cli.options import (
+    PLOT_SUFFIXES,
+    Json,
+    Latitude,
+    Plot,
+    RequiredSensor,
+    check_outputs,
+    print_json,
+    with_reading,
+)
 from gyronorth.cli.progress import working
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
+
+
+class PlannedMethod(StrEnum):
+    """Methods whose sigma can be told in advance."""
+
+    mean = "mean"
+    inertial = "inertial"
 
 
 @app.command()
@@ -71,3 +88,29 @@ def allan(
         print_json(found.to_json())
     else:
         print_characterisation(found, sys.stdout)
+
+
+@app.command()
+def plan(
+    sensor: RequiredSensor,
+    latitude: Latitude,
+    method: Annotated[PlannedMethod, typer.Option(help="Plain averaging, or inertial-frame alignment.")] = (
+        PlannedMethod.mean
+    ),
+    as_json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Expected heading sigma of a sensor against time and latitude, and how long waiting helps."""
+    from gyronorth import planning
+    from gyronorth.report.plans import DURATIONS, print_plan
+
+    check_outputs({"--plot": (plot, PLOT_SUFFIXES)})
+    planned = planning.plan(sensor, latitude=latitude, durations=DURATIONS, method=method.value)
+    if plot is not None:
+        from gyronorth.report import figures
+
+        figures.write(figures.plan_figure(planned), plot)
+    if as_json:
+        print_json(planned.to_json())
+    else:
+        print_plan(planned, sys.stdout)

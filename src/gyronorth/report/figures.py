@@ -16,17 +16,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from gyronorth.angles import DEG_PER_HOUR, wrap
 from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.report.wording import duration_text, part_name
 from gyronorth.report.writing import written_beside
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
     from gyronorth.allan import AllanDeviation, Characterisation, Identification
     from gyronorth.pipeline import Convergence, HeadingEstimate
+    from gyronorth.planning import Plan
 
 #: Colour on a light page -> CSS variable of the HTML report.
 COLOURS = {
@@ -159,7 +163,7 @@ def draw_allan(
     """Allan deviation of three axes with 95 % bounds and, where given, the model fitted to all three."""
     unit, one = ("deg/h", DEG_PER_HOUR) if sensor == "gyro" else ("mg", 1e-3 * STANDARD_GRAVITY)
     axes.set(title=f"Allan deviation of the {sensor}", xlabel="averaging time (s)", ylabel=f"deviation ({unit})")
-    axes.set(xscale="log", yscale="log")
+    _logarithmic(axes)
     curves = zip(
         AXIS_STYLES, *(part.T / one for part in (deviation.deviation, deviation.low, deviation.high)), strict=True
     )
@@ -170,8 +174,48 @@ def draw_allan(
     if model is not None:
         tau = deviation.tau[deviation.tau >= model.tau[0] * 0.999]
         axes.plot(tau, model.deviation(tau) / one, color=INK, linewidth=1.0, label="model of the triad")
-    axes.grid(which="minor", alpha=0.35)
     _legend_above(axes, columns=3 if model is None else 4)
+
+
+def plan_figure(plan: Plan) -> Figure:
+    """Expected sigma against time with its parts, and for several latitudes."""
+    with mpl.rc_context(SETTINGS):
+        figure = _figure(8.0, 8.6)
+        parts, latitudes = figure.subplots(2, 1)
+        for axes in (parts, latitudes):
+            axes.set(xlabel="time standing still (s)", ylabel="heading sigma (deg)")
+            _logarithmic(axes)
+        total = np.degrees(plan.sigma)
+        where = f"{plan.sensor.name} at {np.degrees(plan.latitude):.4g} deg, {plan.method}"
+        parts.set(title=f"Expected heading sigma: {where}", xlim=(plan.duration[0], plan.duration[-1]))
+        parts.plot(plan.duration, total, color=INK, linewidth=2.4, label="together")
+        styles = zip((BLUE, RED, GREEN, PINK), ("-", "--", "-.", ":"), strict=True)
+        for (part, value), (colour, line) in zip(plan.parts.items(), styles, strict=True):
+            if value.any():
+                parts.plot(plan.duration, np.degrees(value), color=colour, linestyle=line, label=part_name(part))
+        if plan.useful_duration is not None and plan.shortest_duration is not None:
+            label = f"waiting helps until {duration_text(plan.useful_duration)}"
+            parts.axvline(plan.useful_duration, color=FAINT, linewidth=1.2, linestyle=(0, (1, 1.5)), label=label)
+        bottom, top = parts.get_ylim()
+        parts.set_ylim(max(total.min() / 300, bottom), min(200, top))
+        latitudes.set(title="The same at other latitudes, north or south", xlim=(plan.duration[0], plan.duration[-1]))
+        for latitude, sigma, colour, line in _some_latitudes(plan):
+            label = f"{np.degrees(latitude):.0f} deg"
+            latitudes.plot(plan.duration, np.degrees(sigma), color=colour, linestyle=line, label=label)
+        latitudes.set_ylim(top=min(200, latitudes.get_ylim()[1]))
+        _legend_above(parts, columns=3)
+        _legend_above(latitudes, columns=4)
+    return figure
+
+
+def _some_latitudes(plan: Plan) -> list[tuple[float, NDArray[np.float64], str, str]]:
+    """Latitude, sigma, colour and line style of four curves from the equator towards the pole."""
+    picked = np.linspace(0, len(plan.latitudes) - 1, 4).round().astype(int)
+    styles = zip((BLUE, GREEN, RED, PINK), ("-", "-.", "--", ":"), strict=True)
+    return [
+        (float(plan.latitudes[index]), plan.sigma_by_latitude[index], colour, line)
+        for index, (colour, line) in zip(picked, styles, strict=True)
+    ]
 
 
 def write(figure: Figure, path: Path) -> None:
@@ -197,6 +241,16 @@ def svg_text(figure: Figure, *, salt: str) -> str:
     for colour, variable in COLOURS.items():
         svg = svg.replace(colour, f"var({variable})")
     return svg
+
+
+def _logarithmic(axes: Axes) -> None:
+    """Logarithmic scales with plain numbers at them, 0.1 rather than a power."""
+    axes.set(xscale="log", yscale="log")
+    axes.grid(which="minor", alpha=0.35)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _legend_above(axes: Axes, *, columns: int) -> None:

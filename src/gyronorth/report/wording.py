@@ -39,6 +39,13 @@ def number_text(value: float | None, *, decimals: int = 2, unit: str = "") -> st
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
 
 
+def duration_text(seconds: float) -> str:
+    """A duration in the unit that people would use: 45 s, 12 min, 2.8 h."""
+    if seconds < 60:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60:.3g} min" if seconds < 3600 else f"{seconds / 3600:.3g} h"
+
+
 def plain_text(value: float | None) -> str:
     """A number of unknown size with four figures, empty where there is none."""
     return "" if value is None else f"{value:.4g}"
