@@ -199,9 +199,9 @@ class _Fit:
     -----
     The covariance of two estimates is 4 / T times the integral over f > 0 of H_i H_j S^2, with
     H = 2 sin^4(pi f tau) / (m sin(pi f / rate))^2 and the two-sided spectrum S of the model. The
-    record being finite, T - 1.5 tau stands for T, a fit to NIST SP 1065, table 5, within 15 % for
-    white, flicker and random walk at tau <= T / 10 (a test compares them). The logarithmic grid undersamples H at
-    high f, where it needs only the mean of its oscillation.
+    record being finite, T - 1.5 tau stands for T: with it the variances agree with NIST SP 1065,
+    table 5, within 20 % for white, flicker and random walk, m >= 16 and tau <= T / 10. The
+    logarithmic grid undersamples H at high f, where it needs only the mean of its oscillation.
     """
 
     def __init__(self, m: Array, variance: Array, n: int, rate_hz: float, *, axes: int, flicker_longest: float) -> None:
