@@ -93,15 +93,24 @@ def test_first_and_last_sample_are_normal():
         assert stats.kstest(errors[:, instant].ravel() / sigma, stats.norm.cdf).pvalue > CHANCE
 
 
-def test_a_process_runs_on_across_blocks(monkeypatch):
-    # Blocks of four samples of one run: the fast process must carry its state, the slow its knots.
+@pytest.mark.parametrize(("samples_per_tau", "boundary"), [(5.0, 256), (60.0, 4), (300.0, 4)])
+def test_a_process_runs_on_across_blocks(monkeypatch, samples_per_tau, boundary):
+    # Blocks of one run and `boundary` samples: the fast process must carry its state, the slow ones their knots.
     monkeypatch.setattr(noise, "_BLOCK", 12)
-    for tau in (0.5, 30.0):
-        errors = markov(1.0, tau, (2500, 14), 10.0, seed=8)
-        missing = 0.01 if tau > 5 else 0.0
-        for lag in (1, 2, 9):
-            expected = covariance_of_means(1.0, 0.1 / tau, lag)
-            assert_covariance(errors[:, 3], errors[:, 3 + lag], expected, slack=missing)
+    errors = markov(1.0, samples_per_tau / 10.0, (2500, boundary + 14), 10.0, seed=8)
+    missing = 0.01 if samples_per_tau >= noise.KNOTS_PER_TIME_CONSTANT else 0.0
+    for lag in (1, 3, 10):
+        expected = covariance_of_means(1.0, 1 / samples_per_tau, lag)
+        assert_covariance(errors[:, boundary - 1], errors[:, boundary - 1 + lag], expected, slack=missing)
+
+
+def test_slow_processes_of_different_spacing_join_without_steps():
+    # The first wants a knot per sample, the second one per 16 samples: that one must reach the first's knots as lines.
+    law = Law(0.0, ((1e-9, 6.0), (1.0, 90.0)))
+    errors = draw(law, (3000, 64), 10.0, constant=np.zeros((3000, 3)), rng=np.random.default_rng(11))
+    steps = np.mean(np.diff(errors, axis=1) ** 2, axis=(0, 2))
+    true_step = 2 * (covariance_of_means(1.0, 1 / 900, 0) - covariance_of_means(1.0, 1 / 900, 1))
+    assert steps.max() < true_step  # a line has less from sample to sample; a staircase would have 16 times as much
 
 
 @pytest.mark.parametrize(("rate_hz", "duration"), [(3.0, 100.0), (3.0, 230.0), (100.0, 20.0)])
@@ -184,6 +193,7 @@ def test_scale_factor_and_misalignment_multiply_the_signal():
     true = earth_rate_n(0.8)
     error = gyro[:, 0] - true
     assert_variance(error[:, 0], (0.01 * true[0]) ** 2 + (0.002 * true[2]) ** 2)
+    assert_covariance(error[:, 0] / true[0], error[:, 2] / true[2], 0.0)  # each axis has a scale factor of its own
     assert_variance(error[:, 1], 0.002**2 * (true[0] ** 2 + true[2] ** 2))
     assert_variance(accel[:, 0, 2] + normal_gravity(0.8), (0.03 * normal_gravity(0.8)) ** 2)
     assert_allclose(accel[:, 0, :2], 0, atol=1e-12)
@@ -292,6 +302,14 @@ def test_turning_while_tilted_agrees_with_brute_force(latitude, roll, pitch, hea
     )
     assert_allclose(gyro, rates, atol=2e-7 * EARTH_RATE * 4000, rtol=0)  # 4000 steps of rounding at 1e-13
     assert_allclose(accel, forces, atol=1e-9)
+
+
+def test_smooth_turn_starts_and_ends_at_rest():
+    times = np.array([1.0, 1.001, 2.999, 3.0, 3.001, 4.999, 5.0])  # from 1 s to 5 s, middle at 3 s
+    angle = Motion(turns=((1.0, 4.0, 2.0),), smooth=True).turned(times)
+    assert_allclose(angle[[0, 3, 6]], [0.0, 1.0, 2.0])
+    rate = np.diff(angle)[[0, 2, 3, 5]] / 0.001
+    assert_allclose(rate, [0.0, 1.0, 1.0, 0.0], atol=1e-5)  # twice the mean rate of 0.5 rad/s in the middle
 
 
 def test_turned_recording_knows_its_heading_at_the_end():
