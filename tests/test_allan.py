@@ -14,15 +14,16 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from gyronorth.allan import allan_deviation, characterise, deviation, identification, identify
+from gyronorth.allan import allan_deviation, characterise, deviation, identification, identified_sensor, identify
 from gyronorth.allan.characterisation import _with_turn_on_bias
 from gyronorth.allan.deviation import allan_variance, degrees_of_freedom, octaves
 from gyronorth.allan.identification import _columns, _Fit, gauss_markov_allan_variance
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE, earth_rate_n
+from gyronorth.pipeline import heading
 from gyronorth.recording import Gap, InputError, Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor, write_sensor
-from gyronorth.simulation import sensor_errors
+from gyronorth.simulation import sensor_errors, simulate_batch
 
 LATITUDE = np.radians(32.11)
 #: Angle random walk of most tests: 0.02 deg/sqrt(h).
@@ -421,15 +422,40 @@ def test_inferred_turn_on_bias_claims_95_percent_for_another_axis(latitude):
     rng = np.random.default_rng(13)
     true_latitude = LATITUDE if latitude is None else latitude
     inside = []
-    for heading in rng.uniform(0, 2 * np.pi, 2000):
+    for direction in rng.uniform(0, 2 * np.pi, 2000):
         bias_n = 0.5 * DEG_PER_HOUR * rng.standard_normal(3)
         rate_n = earth_rate_n(true_latitude) + bias_n
-        c, s = np.cos(heading), np.sin(heading)
+        c, s = np.cos(direction), np.sin(direction)
         rate_b = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ rate_n
         recording = Recording(rate_b[None], np.array([[0.0, 0.0, -9.8]]), 1.0)
         sensor, _ = _with_turn_on_bias(Sensor("", TriadErrors()), recording, latitude)
         inside.append(abs(bias_n[1]) <= 1.959964 * sensor.gyro.turn_on_bias)
     assert 0.95 - 0.016 < np.mean(inside) < 0.95 + 0.016
+
+
+@pytest.mark.slow
+def test_heading_with_the_identified_profile_holds_the_truth():
+    # 40 units of half an hour each; the profile of each from its own recording, the heading from its first 5 minutes.
+    truth = Sensor(
+        "truth",
+        TriadErrors(white=ARW, flicker=0.3 * DEG_PER_HOUR, turn_on_bias=DEG_PER_HOUR),
+        TriadErrors(white=1e-3, flicker=1e-4, turn_on_bias=2e-3),
+    )
+    rng = np.random.default_rng(14)
+    headings = rng.uniform(0, 2 * np.pi, 40)
+    gyro, accel = simulate_batch(
+        truth, runs=40, latitude=LATITUDE, heading=headings, roll=0.05, pitch=-0.1, duration=1800, rate_hz=2.0, rng=rng
+    )
+    assert accel is not None
+    inside, valid = [], []
+    for gyro_b, accel_b, expected in zip(gyro, accel, headings, strict=True):
+        recording = Recording(gyro_b, accel_b, 2.0, latitude=LATITUDE)
+        estimate = heading(recording.window(0, 300), sensor=identified_sensor(recording), method="mean")
+        low, high = estimate.interval95
+        inside.append((expected - low) % (2 * np.pi) <= (high - low) % (2 * np.pi))
+        valid.append(estimate.valid)
+    assert np.mean(inside) >= at_least(0.95, 40)
+    assert np.mean(valid) >= at_least(0.99, 40)
 
 
 def test_accelerometer_bias_is_inferred_from_gravity():

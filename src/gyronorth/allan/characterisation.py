@@ -236,8 +236,8 @@ def _with_turn_on_bias(sensor: Sensor, recording: Recording, latitude: float | N
         accel_bias = STUDENT1 * (error if latitude is not None else max(error, GRAVITY_HALF_RANGE))
         accel = replace(accel, turn_on_bias=accel_bias)
         remarks.append(
-            f"The accelerometer's turn-on bias, {accel_bias / _MG:.3g} mg, is inferred from the size of the mean specific force "
-            f"({STUDENT1:.2f} times its error)."
+            f"The accelerometer's turn-on bias, {accel_bias / _MG:.3g} mg, is inferred from the size of the mean "
+            f"specific force ({STUDENT1:.2f} times its error)."
         )
     return replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=gyro_bias), accel=accel), remarks
 
