@@ -322,3 +322,24 @@ def test_json_keys_are_those_of_the_design():
         rate_mean_deg_h rate_norm_deg_h implied_latitude_deg"""
     assert list(VALID.to_json()) == example.split()
     assert json.loads(json.dumps(VALID.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
+
+
+def test_hopeless_numbers_stay_readable():
+    """A gyro that reads zero: a part of sigma of any size, negative zeros, no implied latitude."""
+    hopeless = replace(UNKNOWN, sigma_parts={"turn_on_bias": 1e150}, pitch=-0.0)
+    lines = dict(wording.heading_lines(Outcome("zero.csv", hopeless)))
+    assert lines["parts of sigma"] == "turn-on bias > 180 deg"
+    assert lines["roll, pitch"] == "unknown, 0.00 deg"
+    page = heading_page(Outcome("zero.csv", hopeless), replace(CONVERGENCE, heading=np.full(4, np.nan)))
+    assert "&gt; 180°" in page
+
+
+def test_a_gyro_that_does_not_vary_has_a_figure():
+    figure = figures.allan_figure(allan_deviation(np.zeros((400, 3)), rate_hz=10))
+    assert [text.get_text() for text in figure.axes[0].texts] == ["the gyro does not vary"]
+    figure.draw_without_rendering()
+
+
+def test_a_file_name_that_is_no_utf8(tmp_path):
+    tables.write_csv([Outcome("a\udcff.csv", VALID)], tmp_path / "out.csv")
+    assert r"a\udcff.csv" in (tmp_path / "out.csv").read_text()

@@ -27,7 +27,7 @@ from gyronorth.cli.options import (
     triple,
     with_reading,
 )
-from gyronorth.cli.progress import files_done, working
+from gyronorth.cli.progress import files_done, reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
@@ -131,7 +131,7 @@ def _file(
     """One recording: its heading to standard output and the files asked for."""
     from gyronorth.report.tables import Outcome, write_csv
 
-    with working(f"reading {path.name}"):
+    with reading_file(path):
         recording = request.read(path)
     with working("finding north"):
         estimate = request.heading(recording)
@@ -175,7 +175,7 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
 
         page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, recording, request))
         with written_beside(report) as part:
-            part.write_text(page, encoding="utf-8")
+            part.write_text(page, encoding="utf-8", errors="backslashreplace")  # a file name may be no UTF-8
 
 
 def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) -> int:

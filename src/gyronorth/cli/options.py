@@ -287,4 +287,4 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
 
 def print_json(document: Any) -> None:
     """Print one JSON value; a NaN would be a fault of ours and raises."""
-    typer.echo(json.dumps(document, ensure_ascii=False, allow_nan=False))
+    typer.echo(json.dumps(document, allow_nan=False))

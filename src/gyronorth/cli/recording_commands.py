@@ -22,7 +22,7 @@ from gyronorth.cli.options import (
     print_json,
     with_reading,
 )
-from gyronorth.cli.progress import working
+from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -121,7 +121,7 @@ def info(
     from gyronorth import readers
     from gyronorth.report.recordings import print_description
 
-    with working(f"reading {source.name}"):
+    with reading_file(source):
         description = readers.describe(source, reading)
     if as_json:
         print_json(description.to_json())
@@ -150,7 +150,7 @@ def convert(
     from gyronorth.conditioning import decimated
 
     check_outputs({"-o": (output, RECORDING_SUFFIXES)}, source=source)
-    with working(f"reading {source.name}"):
+    with reading_file(source):
         recording = readers.read(source, reading)
     if decimate_to is not None:
         recording = decimated(recording, decimate_to)

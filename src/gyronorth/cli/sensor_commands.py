@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,7 +22,7 @@ from gyronorth.cli.options import (
     print_json,
     with_reading,
 )
-from gyronorth.cli.progress import working
+from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -73,9 +74,11 @@ def allan(
 
     check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
     base = None if sensor is None else read_sensor(sensor)
-    with working(f"reading {source.name}"):
+    with reading_file(source):
         recording = readers.read(source, reading)
     with working("identifying error terms"):
+        source_name = recording.source.encode("utf-8", "backslashreplace").decode()  # a file name may be no UTF-8
+        recording = replace(recording, source=source_name)
         found = characterise(recording, base=base, name=None if output is None else output.stem)
     if output is not None:
         write_sensor(found.sensor, output)

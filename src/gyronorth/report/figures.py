@@ -171,6 +171,8 @@ def draw_allan(
         if value.all():  # an axis that does not vary has no place on a logarithmic scale
             axes.fill_between(deviation.tau, low, high, color=colour, alpha=0.13, linewidth=0)
             axes.plot(deviation.tau, value, color=colour, linestyle=line, label=f"body {name}")
+    if not axes.lines:
+        axes.text(0.5, 0.5, f"the {sensor} does not vary", transform=axes.transAxes, ha="center", color=INK)
     if model is not None:
         tau = deviation.tau[deviation.tau >= model.tau[0] * 0.999]
         axes.plot(tau, model.deviation(tau) / one, color=INK, linewidth=1.0, label="model of the triad")
@@ -186,7 +188,7 @@ def plan_figure(plan: Plan) -> Figure:
             axes.set(xlabel="time standing still (s)", ylabel="heading sigma (deg)")
             _logarithmic(axes)
         total = np.degrees(plan.sigma)
-        where = f"{plan.sensor.name} at {np.degrees(plan.latitude):.4g} deg, {plan.method}"
+        where = f"{plan.sensor.name.replace('$', chr(92) + '$')} at {np.degrees(plan.latitude):.4g} deg, {plan.method}"
         parts.set(title=f"Expected heading sigma: {where}", xlim=(plan.duration[0], plan.duration[-1]))
         parts.plot(plan.duration, total, color=INK, linewidth=2.4, label="together")
         styles = zip((BLUE, RED, GREEN, PINK), ("-", "--", "-.", ":"), strict=True)
@@ -255,6 +257,8 @@ def _logarithmic(axes: Axes) -> None:
 
 def _legend_above(axes: Axes, *, columns: int) -> None:
     """The legend between title and axes, where no curve can run through it."""
+    if not axes.get_legend_handles_labels()[0]:
+        return
     rows = -(-len(axes.get_legend_handles_labels()[0]) // columns)
     axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=columns, borderaxespad=0.2, handlelength=2.2)
     axes.set_title(axes.get_title(loc="left"), pad=8 + 14.5 * rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TextIO
 
 from gyronorth.report.terminal import print_lines, print_table
-from gyronorth.report.wording import duration_text, number_text, part_name
+from gyronorth.report.wording import angle_text, duration_text, number_text, part_name
 
 if TYPE_CHECKING:
     from gyronorth.planning import Plan
@@ -45,15 +45,11 @@ def print_plan(plan: Plan, stream: TextIO) -> None:
     columns = [doc["sigma_deg"], doc["half_width95_deg"], *doc["sigma_parts_deg"].values()]
     stream.write("\nHeading sigma, half of the 95 % interval, and the parts of sigma, deg\n")
     header = ("time", "sigma", "95 % +-", *(part_name(part) for part in doc["sigma_parts_deg"]))
-    rows = [(duration_text(time), *(_angle_text(column[position[time]]) for column in columns)) for time in IN_TABLE]
+    rows = [(duration_text(time), *(angle_text(column[position[time]]) for column in columns)) for time in IN_TABLE]
     print_table(header, rows, stream)
     rows = [
-        (f"{latitude:g}", *(_angle_text(sigmas[position[time]]) for time in BY_LATITUDE))
+        (f"{latitude:g}", *(angle_text(sigmas[position[time]]) for time in BY_LATITUDE))
         for latitude, sigmas in zip(doc["latitudes_deg"], doc["sigma_by_latitude_deg"], strict=True)
     ]
     stream.write("\nHeading sigma against latitude, north or south, deg\n")
     print_table(("latitude", *map(duration_text, BY_LATITUDE)), rows, stream)
-
-
-def _angle_text(angle_deg: float) -> str:
-    return "> 180" if angle_deg > 180 else number_text(angle_deg)
