@@ -426,14 +426,19 @@ def _warnings(recording: Recording, data: Data, moved: Disturbance | None) -> tu
         message = f"No accelerometer: the unit is taken as level; each degree of tilt costs up to {cost:.2f} deg."
         warnings.append(Finding("assumed_level", message))
     if moved is not None and moved.detected:
-        value, limit = float(np.degrees(moved.value) * 3600), float(np.degrees(moved.limit) * 3600)
-        message = (
-            f"The attitude swayed by {value:.1f} arcsec rms about its trend; noise and drift alone stay below "
-            f"{limit:.1f} arcsec."
-        )
-        warnings.append(Finding("swaying", message, value, limit))
+        warnings.append(_swaying(moved))
     warnings += [Finding(note.code, note.message, note.value, note.limit) for note in recording.notes]
     return tuple(warnings)
+
+
+def _swaying(moved: Disturbance) -> Finding:
+    """The warning of sway, with the statistic that showed it."""
+    if moved.angle > moved.angle_limit or moved.tilt <= moved.tilt_limit:
+        what, value, limit = "The attitude swayed by {:.1f} arcsec rms about its trend", moved.angle, moved.angle_limit
+    else:
+        what, value, limit = "The tilt changed by {:.1f} arcsec over the recording", moved.tilt, moved.tilt_limit
+    value, limit = (float(np.degrees(angle) * 3600) for angle in (value, limit))
+    return Finding("swaying", what.format(value) + f"; at rest it stays below {limit:.1f} arcsec.", value, limit)
 
 
 def _degrees(value: float | None) -> float | None:

@@ -74,8 +74,10 @@ class Disturbance:
     variance: Array  # added to a horizontal component of the mean rate, (rad/s)^2
     yaw_variance: Array  # added to the vertical component, (rad/s)^2
     detected: Mask
-    value: Array  # rms angle about the trend, rad
-    limit: Array  # rad
+    angle: Array  # rms of the integrated horizontal rate about its trend, rad
+    angle_limit: Array  # what noise and drift alone stay below, rad
+    tilt: Array  # net tilt change by the accelerometer, rms per axis, rad; 0 without one
+    tilt_limit: Array  # what its noise and drift alone stay below, rad
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
     bent = bent & (moved.gyro_variance > limit)
     white = noise.density**2 / data.duration
     if data.accel_b is None:
-        detected, change = bent, np.zeros_like(limit)
+        detected, change, square = bent, np.zeros_like(limit), np.zeros_like(limit)
         oscillation = np.maximum(moved.gyro_variance - expected, 0)
         white_is_noise = ~detected | (noise.excess <= noise.excess_limit)
     else:
@@ -134,8 +136,10 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
         variance=np.where(detected, (2 * oscillation + change) / data.duration**2, 0.0),
         yaw_variance=np.where(detected, 3 * moved.yaw_variance / data.duration**2, 0.0),
         detected=detected,
-        value=np.sqrt(moved.gyro_variance),
-        limit=np.sqrt(limit),
+        angle=np.sqrt(moved.gyro_variance),
+        angle_limit=np.sqrt(limit),
+        tilt=np.sqrt(square),
+        tilt_limit=GATE_SIGMA * np.sqrt(own_change),
     )
 
 
