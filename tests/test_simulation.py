@@ -162,6 +162,11 @@ def test_turn_on_bias_is_one_constant_per_run_and_axis():
     assert_covariance(errors[:, 0, 0], errors[:, 0, 1], 0.0)
 
 
+def test_a_random_walk_of_next_to_nothing_is_next_to_nothing():
+    errors = sensor_errors(TriadErrors(white=1.0, random_walk=1e-300), (1, 300), 10.0, rng=np.random.default_rng(1))
+    assert_variance(errors, 10.0)
+
+
 def test_no_errors_are_none():
     assert_array_equal(sensor_errors(TriadErrors(), (3, 7), 1.0, rng=np.random.default_rng(1)), np.zeros((3, 7, 3)))
 
