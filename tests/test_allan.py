@@ -151,6 +151,14 @@ def test_bounds_hold_the_truth_as_often_as_they_say():
         assert (share <= 1 - at_least(0.02, 300)).all()
 
 
+def test_one_averaging_time_alone_counts_as_white():
+    x = np.random.default_rng(4).standard_normal(1000)
+    found = allan_deviation(x, rate_hz=1.0, taus=[50.0])
+    dof = degrees_of_freedom(50, 1000, -1)
+    assert_allclose(found.high, found.deviation * np.sqrt(dof / stats.chi2.ppf(0.025, dof)))
+    assert_allclose(found.low, found.deviation * np.sqrt(dof / stats.chi2.ppf(0.975, dof)))
+
+
 # --- deviation: refusals ---
 
 
@@ -199,15 +207,15 @@ def test_flicker_of_the_model_is_flat_at_0_664():
     assert_allclose(np.sqrt(_columns(tau, 1000.0)[:, 2]), np.sqrt(2 * np.log(2) / np.pi), rtol=0.02)
 
 
-@pytest.mark.parametrize(("k", "slope"), [(1, -1), (2, 0), (3, 1)])
-def test_covariance_has_the_degrees_of_freedom_of_the_table(k, slope):
+@pytest.mark.parametrize(("k", "slope", "within"), [(1, -1, 0.05), (2, 0, 0.2), (3, 1, 0.2)])
+def test_covariance_has_the_degrees_of_freedom_of_the_table(k, slope, within):
     n = 20_000
     m = octaves(n, 0.1)[4:]
     fit = _Fit(m, np.ones(len(m)), n, 10.0, axes=1, flicker_longest=1e5)
     fit.model_error = 0.0
     square = np.eye(4)[k]
     dof = 2 * (fit._columns @ square) ** 2 / np.diag(fit.covariance(square))
-    assert_allclose(dof, degrees_of_freedom(m, n, slope), rtol=0.2)
+    assert_allclose(dof, degrees_of_freedom(m, n, slope), rtol=within)
 
 
 def test_covariance_has_the_correlation_of_simulated_estimates():
@@ -317,6 +325,14 @@ def coverage(errors: TriadErrors, runs: int, n: int, rate_hz: float, *, seed: in
             ("rate_random_walk", "random_walk"),
         )
     }
+
+
+def test_intervals_of_short_records_hold_the_truth():
+    # 60 records of 100 s; the slow tests below are the thorough ones.
+    errors = TriadErrors(white=1.0, flicker=2.0)
+    for field, (_, low, high) in coverage(errors, 60, 300, 3.0, seed=15).items():
+        truth = getattr(errors, field)
+        assert np.mean((low <= truth) & (truth <= high)) >= at_least(0.95, 60), field
 
 
 @pytest.mark.slow
