@@ -51,7 +51,7 @@ def _user_error(error: Exception) -> str | None:
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    sys.stderr.write(f"error: {message}\n")
+    typer.echo(f"error: {message}", err=True)
     sys.exit(code)
 
 
