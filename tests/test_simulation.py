@@ -74,9 +74,9 @@ def test_white_noise_is_the_same_at_every_sample_rate(rate_hz):
 
 @pytest.mark.parametrize("samples_per_tau", [0.05, 0.5, 3.0, 30.0, 49.0, 51.0, 130.0, 900.0, 20000.0])
 def test_gauss_markov_is_stationary_from_the_first_sample(samples_per_tau):
-    # From drawn sample by sample (fast) to drawn every 256 samples (slow); 120,000 values at each instant.
+    # From drawn sample by sample (fast) to drawn every 256 samples (slow); 60,000 values at each instant.
     samples, rate_hz, x = 290, 10.0, 1 / samples_per_tau
-    errors = markov(4.0, samples_per_tau / rate_hz, (40_000, samples), rate_hz, seed=round(samples_per_tau * 100))
+    errors = markov(4.0, samples_per_tau / rate_hz, (20_000, samples), rate_hz, seed=round(samples_per_tau * 100))
     missing = 0.01 if samples_per_tau >= noise.KNOTS_PER_TIME_CONSTANT else 0.0
     for instant in (0, 1, 127, 128, 255, 256, 257, samples - 1):
         assert_variance(errors[:, instant], covariance_of_means(4.0, x, 0), missing=missing)
@@ -116,7 +116,7 @@ def test_slow_processes_of_different_spacing_join_without_steps():
 @pytest.mark.parametrize(("rate_hz", "duration"), [(3.0, 100.0), (3.0, 230.0), (100.0, 20.0)])
 def test_mean_of_the_in_run_bias_has_the_variance_of_its_law(rate_hz, duration):
     errors = TriadErrors(flicker=1.0)
-    means = sensor_errors(errors, (3000, round(duration * rate_hz)), rate_hz, rng=np.random.default_rng(3)).mean(axis=1)
+    means = sensor_errors(errors, (1500, round(duration * rate_hz)), rate_hz, rng=np.random.default_rng(3)).mean(axis=1)
     assert_variance(means, variance_of_mean(*flicker_components(errors)[:2], duration).sum(), missing=0.01)
 
 
