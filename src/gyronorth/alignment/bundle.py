@@ -57,7 +57,7 @@ class DenoiserPart(Strict):
 
 
 class HeadingPart(Strict):
-    """`heading.onnx`: input angular rate (n, samples, 3) in units of Earth rate; output by `output`."""
+    """`heading.onnx`: input angular rate (n, samples, 3) in units of Earth rate, float64; output by `output`."""
 
     file: str = "heading.onnx"
     sha256: str

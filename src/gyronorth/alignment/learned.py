@@ -82,8 +82,10 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
     if bundle.heading is None or bundle.info.heading is None:
         raise InputError(f"The bundle {bundle.name} holds a denoiser only; it gives no heading.")
     rate = clean(bundle, gyro_l) / EARTH_RATE
-    raw = [bundle.heading.run(None, {"rate": one[None].astype(np.float32)})[0][0] for one in rate]
-    return decode(np.array(raw, dtype=float).reshape(len(rate), -1), bundle.info.heading.output)
+    if len(rate) == 0:
+        return np.zeros(0)
+    raw = np.concatenate([bundle.heading.run(None, {"rate": one[None]})[0] for one in rate])
+    return decode(raw, bundle.info.heading.output)
 
 
 def clean(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from torch import nn
 from gyronorth.alignment.bundle import Bundle, DenoiserPart, Domain, HeadingPart, checksum
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.learn.data import TrainingData, noise_deg_s
+from gyronorth.learn.regressor import precise
 from gyronorth.learn.settings import Settings
 from gyronorth.learn.stages import TrainedDenoiser, TrainedHeading
 from gyronorth.recording import InputError
@@ -63,7 +64,8 @@ def export_bundle(
             normalisation=denoiser.normalisation,
         )
     if heading is not None:
-        _export(heading.network, {"rate": torch.zeros(1, settings.samples, 3)}, "heading", part / "heading.onnx")
+        rate = torch.zeros(1, settings.samples, 3, dtype=torch.float64)
+        _export(precise(heading.network), {"rate": rate}, "heading", part / "heading.onnx")
         heading_part = HeadingPart(sha256=checksum(part / "heading.onnx"), output=settings.heading.output)
     bundle = Bundle(
         method="denoiser" if heading is None else "paper" if denoiser is not None else "baseline",

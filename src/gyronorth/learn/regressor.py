@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import torch
 from torch import Tensor, nn
 
@@ -31,14 +33,25 @@ class HeadingNetwork(nn.Module):
 
     def forward(self, x: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw output for x (n, samples, 3); with a generator, in training: with dropout."""
-        h = to_layout(x, self.layout)
+        h = to_layout(x.to(self.recurrent[0].lstm.weight_ih_l0.dtype), self.layout)
         for recurrent in self.recurrent:
             h = dropout(recurrent(h), self.dropout, generator)
         if self.layout == "temporal":
             h = torch.cat([h[:, -1, : self.hidden], h[:, 0, self.hidden :]], dim=1)
         else:
             h = h[:, 0] if self.layout == "flattened" else h[0]
-        return self.head(h)
+        return self.head(h.to(self.head.weight.dtype))
+
+
+def precise(network: HeadingNetwork) -> HeadingNetwork:
+    """A copy for inference in float64; in the temporal layout, for which ONNX Runtime has no float64 LSTM, the head only.
+
+    Degrees modulo 360 must jump by 360 somewhere on the circle. The network makes the jump a
+    steep slope, on which float32 is worth 2e-4 deg and more.
+    """
+    network = copy.deepcopy(network)
+    (network.head if network.layout == "temporal" else network).double()
+    return network
 
 
 def heading_deg(raw: Tensor) -> Tensor:

@@ -21,7 +21,7 @@ from gyronorth.learn.data import HeadingSet, TrainingData, augment, split_record
 from gyronorth.learn.denoiser import Denoiser, predictor
 from gyronorth.learn.logs import training_log
 from gyronorth.learn.recurrent import initialised
-from gyronorth.learn.regressor import HeadingNetwork, crmse_deg
+from gyronorth.learn.regressor import HeadingNetwork, crmse_deg, precise
 from gyronorth.learn.settings import Settings
 from gyronorth.learn.spectral_loss import spectral_loss
 from gyronorth.learn.training import Progress, Task, decay, fit, torch_threads, write_atomically
@@ -76,9 +76,10 @@ class TrainedHeading:
 
     def headings_of_clean(self, gyro_l: Array) -> Array:
         """The same from angular rate that has been denoised already."""
+        network, rate = precise(self.network), torch.from_numpy(gyro_l / EARTH_RATE)
         with torch.inference_mode():
-            parts = [self.network(part) for part in _network_input(gyro_l).split(self.settings.heading.batch)]
-        return decode(torch.cat(parts).double().numpy(), self.settings.heading.output)
+            raw = torch.cat([network(part) for part in rate.split(self.settings.heading.batch)])
+        return decode(raw.numpy(), self.settings.heading.output)
 
 
 def denoiser_data(settings: Settings) -> tuple[HeadingSet, HeadingSet, HeadingSet]:
