@@ -53,17 +53,19 @@ class BiLSTM(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         if not self.single_step:
             return self.lstm(x)[0]
-        outputs = []
-        for end in ("", "_reverse"):
-            weight = getattr(self.lstm, "weight_ih_l0" + end)
-            bias = getattr(self.lstm, "bias_ih_l0" + end) + getattr(self.lstm, "bias_hh_l0" + end)
-            # torch orders the gates input, forget, cell, output.
-            w_i, _, w_g, w_o = weight.chunk(4)
-            b_i, _, b_g, b_o = bias.chunk(4)
-            gates = nn.functional.linear(x, torch.cat([w_i, w_g, w_o]), torch.cat([b_i, b_g, b_o]))
-            i, g, o = gates.chunk(3, dim=-1)
-            outputs.append(torch.sigmoid(o) * torch.tanh(torch.sigmoid(i) * torch.tanh(g)))
-        return torch.cat(outputs, dim=-1)
+        # Input, output and cell gates of both directions: one product, one sigmoid, one tanh.
+        weight = self._gates("weight_ih_l0")
+        bias = self._gates("bias_ih_l0") + self._gates("bias_hh_l0")
+        gates = nn.functional.linear(x, weight, bias)
+        wide = 2 * self.lstm.hidden_size
+        opening, cell = torch.sigmoid(gates[..., : 2 * wide]), torch.tanh(gates[..., 2 * wide :])
+        return opening[..., wide:] * torch.tanh(opening[..., :wide] * cell)
+
+    def _gates(self, name: str) -> Tensor:
+        """Parameter `name`, rows in the order input, output, cell gate, each forward then backward."""
+        # torch orders them input, forget, cell, output.
+        forward, backward = getattr(self.lstm, name).chunk(4), getattr(self.lstm, name + "_reverse").chunk(4)
+        return torch.cat([part[gate] for gate in (0, 3, 2) for part in (forward, backward)])
 
 
 def dropout(x: Tensor, p: float, generator: torch.Generator | None) -> Tensor:
