@@ -88,9 +88,11 @@ def export_bundle(
 def _export(network: nn.Module, inputs: dict[str, torch.Tensor], output: str, path: Path) -> None:
     axes = {name: {0: "n"} for name in (*inputs, output)}
     with warnings.catch_warnings():
-        # dynamo=True takes minutes on 300 recurrent steps; torch calls this exporter legacy. The other
-        # warning concerns initial states of an LSTM traced at batch size 1, as it is here.
+        # dynamo=True takes minutes on 300 recurrent steps; torch calls this exporter legacy. The others
+        # warn of sizes fixed while tracing: of the width, which is fixed, and of the batch in the initial
+        # state of an LSTM, which is exported open (a test runs several batch sizes).
         warnings.filterwarnings("ignore", category=DeprecationWarning)
+        warnings.filterwarnings("ignore", category=torch.jit.TracerWarning)
         warnings.filterwarnings("ignore", message="Exporting a model to ONNX with a batch_size other than 1")
         torch.onnx.export(
             network.eval(),
