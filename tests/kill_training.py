@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-import torch.utils.tensorboard  # noqa: F401  (imported here once, for the forks)
+import torch.utils.tensorboard
 
 from gyronorth.learn.data import HeadingSet, TrainingData
 from gyronorth.learn.run import run_training
@@ -55,7 +55,10 @@ def main(folder: Path) -> None:
 
 
 def logged(folder: Path) -> list[int]:
-    return [path.read_text().count("}\n") if path.exists() else 0 for path in (folder / "denoiser.jsonl", folder / "heading.jsonl")]
+    return [
+        path.read_text().count("}\n") if path.exists() else 0
+        for path in (folder / "denoiser.jsonl", folder / "heading.jsonl")
+    ]
 
 
 def saved(folder: Path) -> list[int]:

@@ -46,12 +46,16 @@ def made(layout, output, samples=40, **sampler):
         "heading": {"output": output, "epochs": 25, "augment": {"copies": 8}},
     }
     every = windows(16, samples)
-    data = TrainingData(every.rows(np.arange(0, 16, 2)), every.rows(np.arange(1, 16, 2)), "simulated", LATITUDE, "sdc500")
+    data = TrainingData(
+        every.rows(np.arange(0, 16, 2)), every.rows(np.arange(1, 16, 2)), "simulated", LATITUDE, "sdc500"
+    )
     denoiser = train_denoiser(Settings.model_validate(tree))
     return denoiser, train_heading(Settings.model_validate(tree), data, denoiser), data
 
 
-@pytest.fixture(scope="module", params=[("flattened", "degrees"), ("flattened", "cos_sin"), ("temporal", "degrees")], ids="-".join)
+@pytest.fixture(
+    scope="module", params=[("flattened", "degrees"), ("flattened", "cos_sin"), ("temporal", "degrees")], ids="-".join
+)
 def exported(request, tmp_path_factory):
     denoiser, heading, data = made(*request.param, t_back=980)
     folder = tmp_path_factory.mktemp("bundles") / "b"
@@ -73,7 +77,9 @@ def test_a_heading_does_not_depend_on_the_batch(exported):
     bundle = load_bundle(folder)
 
     @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
-    @given(seed=st.integers(0, 1000), n=st.integers(1, 6), place=st.integers(0, 5), scale=st.sampled_from([0.0, 1.0, 1e3]))
+    @given(
+        seed=st.integers(0, 1000), n=st.integers(1, 6), place=st.integers(0, 5), scale=st.sampled_from([0.0, 1.0, 1e3])
+    )
     def check(seed, n, place, scale):
         mine = windows(8, 40, seed=seed).gyro_l[seed % 8]
         others = scale * windows(n, 40, seed=seed + 1).gyro_l
@@ -118,7 +124,10 @@ def test_the_last_window_of_a_longer_recording_is_used(exported):
         run(bundle, gyro[:, :39])
 
 
-@pytest.mark.parametrize("sampler", [{"kind": "ddim", "t_back": 0, "jumps": 1, "start": "matched"}, {"t_back": 990, "jumps": 2, "noise": False}])
+@pytest.mark.parametrize(
+    "sampler",
+    [{"kind": "ddim", "t_back": 0, "jumps": 1, "start": "matched"}, {"t_back": 990, "jumps": 2, "noise": False}],
+)
 def test_other_samplers_agree_with_pytorch_too(tmp_path, sampler):
     denoiser, heading, data = made("flattened", "cos_sin", **sampler)
     export_bundle(tmp_path / "b", denoiser=denoiser, heading=heading, data=data)
@@ -152,7 +161,7 @@ def test_a_folder_of_something_else_is_not_replaced(tmp_path):
 
 def test_damaged_bundles_are_refused_by_name(exported, tmp_path):
     folder = tmp_path / "b"
-    with pytest.raises(InputError, match="no bundle.json"):
+    with pytest.raises(InputError, match=r"no bundle\.json"):
         load_bundle(folder)
     shutil.copytree(exported[0], folder)
     whole = json.loads((folder / "bundle.json").read_text())
@@ -209,7 +218,12 @@ def test_every_mismatch_is_named_with_value_and_limit(change, message, value, li
 
 def test_what_is_not_known_is_not_judged():
     anything = Bundle.model_validate(
-        {"method": "baseline", "layout": "temporal", "domain": {"rate_hz": 3, "samples": 300}, "heading": {"sha256": "0"}}
+        {
+            "method": "baseline",
+            "layout": "temporal",
+            "domain": {"rate_hz": 3, "samples": 300},
+            "heading": {"sha256": "0"},
+        }
     )
     assert mismatch(anything, RecordingFacts(**FITS)) == []
     assert mismatch(anything, RecordingFacts(3.0, 100.0)) == []

@@ -12,9 +12,9 @@ from numpy.testing import assert_allclose
 
 pytest.importorskip("torch", reason="the folder learn/ comes with the extra train")
 
-from gyronorth.angles import DEG_PER_HOUR, angle_error  # noqa: E402
-from gyronorth.earth import EARTH_RATE  # noqa: E402
-from gyronorth.learn.data import (  # noqa: E402
+from gyronorth.angles import DEG_PER_HOUR, angle_error
+from gyronorth.earth import EARTH_RATE
+from gyronorth.learn.data import (
     HeadingSet,
     augment,
     noise_deg_s,
@@ -23,7 +23,7 @@ from gyronorth.learn.data import (  # noqa: E402
     synthetic_set,
     turned,
 )
-from gyronorth.recording import InputError  # noqa: E402
+from gyronorth.recording import InputError
 
 
 def rng(seed=0):
@@ -37,7 +37,9 @@ def mean_heading(data):
 
 def noisy(n=6, sigma=1e-5, samples=300, seed=0):
     clean = synthetic_set(headings=n, latitude=radians(32.11), samples=samples)
-    return HeadingSet(clean.gyro_l + sigma * rng(seed).standard_normal(clean.gyro_l.shape), clean.heading, clean.recording)
+    return HeadingSet(
+        clean.gyro_l + sigma * rng(seed).standard_normal(clean.gyro_l.shape), clean.heading, clean.recording
+    )
 
 
 def test_the_papers_synthetic_set():
@@ -52,7 +54,11 @@ def test_the_papers_synthetic_set():
 
 def test_synthetic_set_at_a_site():
     data = synthetic_set(headings=4, latitude=radians(60), samples=2)
-    assert_allclose(data.gyro_l[:, 0] / EARTH_RATE, [[0.5, 0, -0.866025], [0, -0.5, -0.866025], [-0.5, 0, -0.866025], [0, 0.5, -0.866025]], atol=1e-6)
+    assert_allclose(
+        data.gyro_l[:, 0] / EARTH_RATE,
+        [[0.5, 0, -0.866025], [0, -0.5, -0.866025], [-0.5, 0, -0.866025], [0, 0.5, -0.866025]],
+        atol=1e-6,
+    )
 
 
 @given(seed=st.integers(0, 10_000), recordings=st.integers(3, 40), windows=st.integers(1, 3))
@@ -104,7 +110,9 @@ def test_redrawn_copies_keep_the_error_of_the_mean_and_nothing_of_the_noise():
     assert residual.std() == pytest.approx(1e-5, rel=0.1)
     flat = residual.reshape(300, -1)
     correlation = np.corrcoef(flat)[np.triu_indices(300, 1)]
-    assert np.abs(correlation).max() < 6 / np.sqrt(flat.shape[1])  # 45 000 pairs: five sigma, and room for the rank lost
+    assert np.abs(correlation).max() < 6 / np.sqrt(
+        flat.shape[1]
+    )  # 45 000 pairs: five sigma, and room for the rank lost
     again = augment(data, copies=50, noise="redrawn", rng=rng(1))
     assert np.array_equal(again.gyro_l, more.gyro_l)
 

@@ -169,16 +169,18 @@ def test_matched_start_with_the_true_noise_gives_the_clean_signal():
         return (x - np.sqrt(SCHEDULE.alpha_bar[t]) * clean) / np.sqrt(1 - SCHEDULE.alpha_bar[t])
 
     sampler = Sampler(kind="ddim", t_back=0, start="matched", jumps=1)
-    out = np.stack([
-        denoise(
-            lambda x, t, k=k: predict(x, t)[k : k + 1],
-            noisy[k : k + 1],
-            schedule=SCHEDULE,
-            sampler=sampler,
-            normalisation=Normalisation("dataset", 0.0, 1.0),
-        )[0]
-        for k in range(3)
-    ])
+    out = np.stack(
+        [
+            denoise(
+                lambda x, t, k=k: predict(x, t)[k : k + 1],
+                noisy[k : k + 1],
+                schedule=SCHEDULE,
+                sampler=sampler,
+                normalisation=Normalisation("dataset", 0.0, 1.0),
+            )[0]
+            for k in range(3)
+        ]
+    )
     assert np.abs(out - clean).max() < 1e-6  # float32 input of the predictor
 
 

@@ -33,7 +33,9 @@ def heading(layout, samples=20, seed=0, **sizes):
     return initialised(lambda: HeadingNetwork(layout=layout, samples=samples, **sizes), generator(seed))
 
 
-@pytest.mark.parametrize(("layout", "shape"), [("temporal", (2, 3, 3)), ("flattened", (2, 1, 9)), ("across_batch", (1, 2, 9))])
+@pytest.mark.parametrize(
+    ("layout", "shape"), [("temporal", (2, 3, 3)), ("flattened", (2, 1, 9)), ("across_batch", (1, 2, 9))]
+)
 def test_layouts(layout, shape):
     x = torch.arange(18.0).reshape(2, 3, 3)
     laid = to_layout(x, layout)
@@ -52,6 +54,7 @@ def test_a_sequence_of_one_step_is_the_lstm_itself():
 
 def test_the_papers_sizes():
     """5 BiLSTM layers of 64 over 900 inputs, 20 embedding; 2 of 24: parameters counted by hand."""
+
     def lstm(inputs, hidden):
         return 2 * 4 * hidden * (inputs + hidden + 2)
 
@@ -173,7 +176,7 @@ def test_heading_network_overfits_four_windows(layout, output):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_denoiser_overfits_four_windows(layout):
-    """A constant signal with its noise: the noise is learnt by heart, from a loss near one (that of predicting zero)."""
+    """A constant signal with its noise: the noise is learnt by heart, from a loss near one (predicting zero)."""
     noise, t = batch(), torch.tensor([10, 300, 600, 1000])
     x = 0.9 * torch.ones(4, 1, 3) + 0.5 * noise
     network = denoiser(layout, layers=2, hidden=32, seed=3)

@@ -65,9 +65,23 @@ def test_settings_survive_yaml(tmp_path):
 def test_the_defaults_are_the_papers():
     s = paper()
     assert (s.schedule.steps, s.schedule.beta_min, s.schedule.beta_max, s.sampler.t_back) == (1000, 1e-4, 5e-4, 950)
-    assert (s.denoiser.layers, s.denoiser.hidden, s.denoiser.embedding, s.denoiser.rate, s.denoiser.batch) == (5, 64, 20, 1e-3, 50)
+    assert (s.denoiser.layers, s.denoiser.hidden, s.denoiser.embedding, s.denoiser.rate, s.denoiser.batch) == (
+        5,
+        64,
+        20,
+        1e-3,
+        50,
+    )
     h = s.heading
-    assert (h.layers, h.hidden, h.dropout, h.rate, h.rate_end, h.batch, h.augment.copies) == (2, 24, 0.05, 0.005, 0.0005, 32, 100)
+    assert (h.layers, h.hidden, h.dropout, h.rate, h.rate_end, h.batch, h.augment.copies) == (
+        2,
+        24,
+        0.05,
+        0.005,
+        0.0005,
+        32,
+        100,
+    )
     assert (s.normalisation, s.samples, s.rate_hz) == ("sequence", 300, 3.0)
 
 
@@ -155,7 +169,9 @@ def test_every_normalisation_trains(normalisation):
 
 
 def test_mean_square_loss_trains_differently():
-    assert not torch.equal(weights(train_denoiser(TINY)), weights(train_denoiser(changed(TINY, denoiser={"loss": "mse"}))))
+    assert not torch.equal(
+        weights(train_denoiser(TINY)), weights(train_denoiser(changed(TINY, denoiser={"loss": "mse"})))
+    )
 
 
 def lines(folder, name):
@@ -251,7 +267,9 @@ def test_resuming_after_a_kill_while_a_checkpoint_is_written(tmp_path, monkeypat
 def test_killing_at_20_random_moments_loses_at_most_the_running_epoch(tmp_path):
     """SIGKILL to the process; an epoch that the log shows is saved, and the bundle in the end is the same."""
     settings = changed(
-        TINY, denoiser={"epochs": 80, "patience": 80, "hidden": 16}, heading={"epochs": 80, "patience": 80, "hidden": 16}
+        TINY,
+        denoiser={"epochs": 80, "patience": 80, "hidden": 16},
+        heading={"epochs": 80, "patience": 80, "hidden": 16},
     )
     reference = run_training(settings, "all", data(), tmp_path / "reference")
     write_settings(settings, tmp_path / "settings.yaml")

@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -34,7 +35,9 @@ class Schedule:
         if self.steps < 1:
             raise ValueError(f"steps is {self.steps}; at least one step is expected.")
         if not 0 < self.beta_min <= self.beta_max < 1:
-            raise ValueError(f"beta_min, beta_max are {self.beta_min}, {self.beta_max}; 0 < min <= max < 1 is expected.")
+            raise ValueError(
+                f"beta_min, beta_max are {self.beta_min}, {self.beta_max}; 0 < min <= max < 1 is expected."
+            )
 
     @cached_property
     def beta(self) -> NDArray[np.float64]:
@@ -51,7 +54,7 @@ class Schedule:
     @cached_property
     def noise_ratio(self) -> NDArray[np.float64]:
         """Noise over signal gain at each step, sqrt(1 - abar) / sqrt(abar), shape (T + 1,) (eq:17)."""
-        return np.sqrt(1 / self.alpha_bar - 1)
+        return np.asarray(np.sqrt(1 / self.alpha_bar - 1), dtype=float)
 
     def matched_step(self, noise: NDArray[np.float64]) -> NDArray[np.int64]:
         """The step, 0..T, whose noise ratio is nearest to white noise of standard deviation `noise`, shape (n,)."""
@@ -83,7 +86,7 @@ class Sampler:
         count = min(self.jumps or schedule.steps, start - self.t_back)
         ends = np.round(np.linspace(start, self.t_back, count + 1)).astype(int)
         jump = _chain_jump if self.kind == "chain" else _ddim_jump
-        return [jump(schedule, int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [jump(schedule, int(a), int(b)) for a, b in pairwise(ends)]
 
 
 @dataclass(frozen=True)
@@ -146,8 +149,8 @@ class Normalisation:
 
 
 def white_noise(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard deviation of the white noise of x (n, samples, 3), shape (n,): from first differences, blind to drift."""
-    return np.sqrt(np.mean(np.diff(x, axis=1) ** 2, axis=(1, 2)) / 2)
+    """Deviation of the white noise of x (n, samples, 3), shape (n,): from first differences, blind to drift."""
+    return np.asarray(np.sqrt(np.mean(np.diff(x, axis=1) ** 2, axis=(1, 2)) / 2), dtype=float)
 
 
 def reverse(

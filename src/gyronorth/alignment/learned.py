@@ -84,8 +84,8 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
     rate = clean(bundle, gyro_l) / EARTH_RATE
     if len(rate) == 0:
         return np.zeros(0)
-    raw = np.concatenate([bundle.heading.run(None, {"rate": one[None]})[0] for one in rate])
-    return decode(raw, bundle.info.heading.output)
+    raw = [np.asarray(bundle.heading.run(None, {"rate": one[None]})[0]) for one in rate]
+    return decode(np.concatenate(raw), bundle.info.heading.output)
 
 
 def clean(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
@@ -107,7 +107,7 @@ def onnx_predictor(session: InferenceSession) -> Predict:
     """The noise prediction of an exported denoiser."""
 
     def predict(x: NDArray[np.float32], t: int) -> NDArray[np.float32]:
-        return session.run(None, {"x": x, "t": np.full(len(x), t, dtype=np.int64)})[0]
+        return np.asarray(session.run(None, {"x": x, "t": np.full(len(x), t, dtype=np.int64)})[0])
 
     return predict
 

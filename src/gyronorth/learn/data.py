@@ -35,9 +35,16 @@ class HeadingSet:
 
     def __post_init__(self) -> None:
         n = len(self.gyro_l)
-        if self.gyro_l.ndim != 3 or self.gyro_l.shape[2] != 3 or self.heading.shape != (n,) or self.recording.shape != (n,):
+        if (
+            self.gyro_l.ndim != 3
+            or self.gyro_l.shape[2] != 3
+            or self.heading.shape != (n,)
+            or self.recording.shape != (n,)
+        ):
             shapes = (self.gyro_l.shape, self.heading.shape, self.recording.shape)
-            raise ValueError(f"gyro_l, heading, recording have shapes {shapes}; (n, samples, 3), (n,), (n,) are expected.")
+            raise ValueError(
+                f"gyro_l, heading, recording have shapes {shapes}; (n, samples, 3), (n,), (n,) are expected."
+            )
 
     def __len__(self) -> int:
         return len(self.gyro_l)
@@ -73,7 +80,7 @@ def synthetic_set(*, headings: int = 720, latitude: float = 0.0, samples: int = 
 
     The paper takes latitude 0, at which w_z is zero; `latitude` is in rad.
     """
-    heading = np.arange(headings) * (2 * np.pi / headings)
+    heading = np.linspace(0, 2 * np.pi, headings, endpoint=False)
     gyro = mat_bn(0.0, 0.0, heading) @ earth_rate_n(latitude)
     return HeadingSet(np.repeat(gyro[:, None], samples, axis=1), heading, np.arange(headings))
 
@@ -85,7 +92,9 @@ def split_recordings(data: HeadingSet, shares: tuple[float, ...], *, rng: np.ran
     """
     ids = rng.permutation(np.unique(data.recording))
     if len(ids) < len(shares):
-        raise InputError(f"The data hold {len(ids)} recordings; at least {len(shares)} are needed for {len(shares)} parts.")
+        raise InputError(
+            f"The data hold {len(ids)} recordings; at least {len(shares)} are needed for {len(shares)} parts."
+        )
     edges = np.round(np.cumsum(shares[:-1]) / sum(shares) * len(ids)).astype(int)
     for k in range(len(edges)):
         edges[k] = min(max(edges[k], (edges[k - 1] if k else 0) + 1), len(ids) - (len(edges) - k))
@@ -153,7 +162,8 @@ def read_folder(folder: str | Path, *, rate_hz: float, samples: int, windows: in
     paths = sorted(path for path in Path(folder).iterdir() if path.is_file() and not path.name.startswith("."))
     for number, path in enumerate(paths):
         recording = read(path, ReadOptions(**options))  # type: ignore[arg-type]
-        if recording.heading_true is None:
+        truth = recording.heading_true
+        if truth is None:
             raise InputError(
                 f"{path} has no reference heading, which training needs. "
                 "Give it as `# heading_true_deg: ...` or in the name of a file of the published layout."
@@ -165,7 +175,7 @@ def read_folder(folder: str | Path, *, rate_hz: float, samples: int, windows: in
         if count == 0:
             raise InputError(f"{path} lasts {recording.duration:g} s; a window of {samples / rate_hz:g} s is expected.")
         rows.extend(slow[: count * samples].reshape(count, samples, 3))
-        heading.extend([recording.heading_true] * count)
+        heading.extend([truth] * count)
         ids.extend([number] * count)
     if not rows:
         raise InputError(f"{folder} holds no recordings to train on.")

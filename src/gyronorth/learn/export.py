@@ -22,7 +22,11 @@ from gyronorth.recording import InputError
 
 
 def export_bundle(
-    folder: str | Path, *, denoiser: TrainedDenoiser | None, heading: TrainedHeading | None = None, data: TrainingData | None = None
+    folder: str | Path,
+    *,
+    denoiser: TrainedDenoiser | None,
+    heading: TrainedHeading | None = None,
+    data: TrainingData | None = None,
 ) -> Bundle:
     """Write a bundle folder; an old one of the same name is replaced only when the new one is whole.
 
@@ -76,7 +80,11 @@ def export_bundle(
         training=settings.model_dump(mode="json"),
         data_sha256={} if data is None else {"train": data.train.sha256(), "validation": data.validation.sha256()},
         metrics=_metrics(denoiser, heading, data),
-        provenance={"gyronorth": _version("gyronorth"), "torch": torch.__version__, "data": data.source if data else "synthetic"},
+        provenance={
+            "gyronorth": _version("gyronorth"),
+            "torch": torch.__version__,
+            "data": data.source if data else "synthetic",
+        },
     )
     (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
     (part / "README.md").write_text(model_card(bundle), encoding="utf-8")
@@ -92,7 +100,7 @@ def _export(network: nn.Module, inputs: dict[str, torch.Tensor], output: str, pa
         # warn of sizes fixed while tracing: of the width, which is fixed, and of the batch in the initial
         # state of an LSTM, which is exported open (a test runs several batch sizes).
         warnings.filterwarnings("ignore", category=DeprecationWarning)
-        warnings.filterwarnings("ignore", category=torch.jit.TracerWarning)
+        warnings.filterwarnings("ignore", category=torch.jit.TracerWarning)  # pyright: ignore[reportPrivateImportUsage]
         warnings.filterwarnings("ignore", message="Exporting a model to ONNX with a batch_size other than 1")
         torch.onnx.export(
             network.eval(),
@@ -134,7 +142,9 @@ def _metrics(
             mean = part.gyro_l.mean(axis=1)
             closed_form = np.arctan2(-mean[:, 1], mean[:, 0])
             for method, estimate in (("model_based", closed_form), ("network", heading.headings(part.gyro_l))):
-                metrics[f"{name}_{method}_crmse_deg"] = float(np.degrees(cyclic_rmse(angle_error(estimate, part.heading))))
+                metrics[f"{name}_{method}_crmse_deg"] = float(
+                    np.degrees(cyclic_rmse(angle_error(estimate, part.heading)))
+                )
         metrics["train_recordings"] = float(len(np.unique(data.train.recording)))
         metrics["validation_recordings"] = float(len(np.unique(data.validation.recording)))
     return metrics
@@ -150,7 +160,11 @@ def _version(package: str) -> str:
 def model_card(bundle: Bundle) -> str:
     """The README.md of a bundle: what it is, what it was trained on, what it is worth, where it does not apply."""
     domain, metrics = bundle.domain, bundle.metrics
-    title = {"paper": "Diffusion-denoiser-aided heading", "baseline": "Baseline heading network", "denoiser": "Denoiser"}
+    title = {
+        "paper": "Diffusion-denoiser-aided heading",
+        "baseline": "Baseline heading network",
+        "denoiser": "Denoiser",
+    }
     lines = [f"# {title.get(bundle.method, 'Learned heading')} (`{bundle.method}`, layout `{bundle.layout}`)", ""]
     lines += [
         f"- Input: {domain.window:g} s of levelled angular rate at {domain.rate_hz:g} Hz ({domain.samples} samples).",
@@ -159,12 +173,16 @@ def model_card(bundle: Bundle) -> str:
         f"- Data: {bundle.provenance.get('data') or 'not stated'}.",
     ]
     if bundle.denoiser is not None:
-        sampler, kind = bundle.denoiser.sampler, bundle.denoiser.normalisation.kind
-        lines.append(f"- Denoiser: normalised per {kind}; sampler {sampler.kind} back to step {sampler.t_back} of {bundle.denoiser.schedule.steps}.")
+        sampler, schedule = bundle.denoiser.sampler, bundle.denoiser.schedule
+        lines.append(
+            f"- Denoiser: normalised per {bundle.denoiser.normalisation.kind}; sampler {sampler.kind} "
+            f"back to step {sampler.t_back} of {schedule.steps}."
+        )
     if domain.unit or domain.session:
         lines.append(
-            f"- **Carries the deviation of unit {domain.unit or 'not stated'}, session {domain.session or 'not stated'}**: "
-            "part of what it learned is that unit's own error and does not hold for another."
+            f"- **Carries the deviation of unit {domain.unit or 'not stated'}, session "
+            f"{domain.session or 'not stated'}**: part of what it learned is that unit's own error and does not "
+            "hold for another."
         )
     if "validation_network_crmse_deg" in metrics:
         lines += ["", "| cyclic RMSE, deg | closed form | this network |", "|---|---|---|"]

@@ -22,7 +22,14 @@ class HeadingNetwork(nn.Module):
     """
 
     def __init__(
-        self, *, layout: str, samples: int, layers: int = 2, hidden: int = 24, dropout: float = 0.0, output: str = "degrees"
+        self,
+        *,
+        layout: str,
+        samples: int,
+        layers: int = 2,
+        hidden: int = 24,
+        dropout: float = 0.0,
+        output: str = "degrees",
     ) -> None:
         super().__init__()
         self.layout, self.hidden, self.dropout, self.output = layout, hidden, dropout, output
@@ -33,7 +40,7 @@ class HeadingNetwork(nn.Module):
 
     def forward(self, x: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw output for x (n, samples, 3); with a generator, in training: with dropout."""
-        h = to_layout(x.to(self.recurrent[0].lstm.weight_ih_l0.dtype), self.layout)
+        h = to_layout(x.to(next(self.recurrent.parameters()).dtype), self.layout)
         for recurrent in self.recurrent:
             h = dropout(recurrent(h), self.dropout, generator)
         if self.layout == "temporal":
@@ -44,7 +51,7 @@ class HeadingNetwork(nn.Module):
 
 
 def precise(network: HeadingNetwork) -> HeadingNetwork:
-    """A copy for inference in float64; in the temporal layout, for which ONNX Runtime has no float64 LSTM, the head only.
+    """A copy for inference in float64; of a temporal one the head only: ONNX Runtime has no float64 LSTM.
 
     Degrees modulo 360 must jump by 360 somewhere on the circle. The network makes the jump a
     steep slope, on which float32 is worth 2e-4 deg and more.

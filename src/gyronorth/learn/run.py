@@ -57,7 +57,9 @@ def _training_folder(out: Path, settings: Settings, stage: str, resume: bool) ->
     kept = folder / "settings.yaml"
     blocking = {"denoiser": ["denoiser.pt"], "regressor": ["heading.pt"], "all": ["denoiser.pt", "heading.pt"]}[stage]
     if not resume and any((folder / name).exists() for name in blocking):
-        raise InputError(f"{folder} holds an earlier training. Continue it with --resume, or remove the folder, or give another -o.")
+        raise InputError(
+            f"{folder} holds an earlier training. Continue it with --resume, or remove the folder, or give another -o."
+        )
     if kept.is_file() and read_settings(kept) != settings:
         raise InputError(f"{kept} differs from the settings given. Continue with the same ones, or give another -o.")
     folder.mkdir(parents=True, exist_ok=True)

@@ -79,7 +79,9 @@ class Settings(Strict):
     @model_validator(mode="after")
     def _check(self) -> Settings:
         if self.sampler.t_back >= self.schedule.steps:
-            raise ValueError(f"sampler.t_back is {self.sampler.t_back}; below schedule.steps = {self.schedule.steps} is expected")
+            raise ValueError(
+                f"sampler.t_back is {self.sampler.t_back}; below schedule.steps = {self.schedule.steps} is expected"
+            )
         return self
 
 
@@ -93,7 +95,9 @@ def baseline(**changes: object) -> Settings:
 
     Learning rate and epochs are those of its public notebook.
     """
-    heading = HeadingSettings(dropout=0.0, denoised=False, rate=0.0015, rate_end=None, batch=100, epochs=500, patience=100)
+    heading = HeadingSettings(
+        dropout=0.0, denoised=False, rate=0.0015, rate_end=None, batch=100, epochs=500, patience=100
+    )
     return Settings(heading=heading, **changes)  # type: ignore[arg-type]
 
 

@@ -85,7 +85,9 @@ class TrainedHeading:
 def denoiser_data(settings: Settings) -> tuple[HeadingSet, HeadingSet, HeadingSet]:
     """The synthetic set split 60/20/20 % (IV-A): training, validation, test."""
     data = synthetic_set(
-        headings=settings.synthetic.headings, latitude=radians(settings.synthetic.latitude_deg), samples=settings.samples
+        headings=settings.synthetic.headings,
+        latitude=radians(settings.synthetic.latitude_deg),
+        samples=settings.samples,
     )
     parts = split_recordings(data, (60, 20, 20), rng=np.random.default_rng([settings.seed, SPLIT]))
     return parts[0], parts[1], parts[2]
@@ -144,7 +146,9 @@ def train_denoiser(
 
     def validate() -> float:
         with torch.inference_mode():
-            prediction = torch.cat([network(x, t) for x, t in zip(fixed[0].split(part.batch), fixed[1].split(part.batch), strict=True)])
+            prediction = torch.cat(
+                [network(x, t) for x, t in zip(fixed[0].split(part.batch), fixed[1].split(part.batch), strict=True)]
+            )
             return difference(prediction, fixed[2]).item()
 
     rate = decay(part.rate, None, part.epochs)
