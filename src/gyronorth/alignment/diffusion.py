@@ -49,7 +49,7 @@ class Schedule:
     @cached_property
     def alpha_bar(self) -> NDArray[np.float64]:
         """Cumulative product of alpha_t = 1 - beta_t, shape (T + 1,), 1 at t = 0 (eq:13, eq:14)."""
-        return np.cumprod(1 - self.beta)
+        return np.cumprod(1 - self.beta, dtype=np.float64)
 
     @cached_property
     def noise_ratio(self) -> NDArray[np.float64]:
