@@ -17,7 +17,7 @@ pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra lear
 
 from gyronorth.alignment.bundle import Bundle, Domain, RecordingFacts, mismatch, read_bundle  # noqa: E402
 from gyronorth.alignment.diffusion import Sampler  # noqa: E402
-from gyronorth.alignment.learned import clean, decode, load_bundle, run  # noqa: E402
+from gyronorth.alignment.learned import clean, decode, last_window, load_bundle, misfits, run  # noqa: E402
 from gyronorth.angles import angle_error  # noqa: E402
 from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa: E402
 from gyronorth.learn.export import export_bundle  # noqa: E402
@@ -182,6 +182,18 @@ def test_damaged_bundles_are_refused_by_name(exported, tmp_path):
         handle.write(b"\0")
     with pytest.raises(InputError, match="does not match its checksum"):
         load_bundle(folder)
+
+
+def test_a_fast_recording_is_averaged_down_and_judged(exported):
+    pytest.importorskip("gyronorth.conditioning", reason="decimation is in gyronorth.conditioning")
+    bundle, slow = load_bundle(exported[0]), windows(1, 45, seed=8).gyro_l[0]
+    fast = np.repeat(slow, 200, axis=0)  # 600 Hz, constant within a sample of 3 Hz
+    assert_allclose(last_window(bundle, fast, rate_hz=600.0), slow[-40:], atol=1e-15)
+    facts = {"rate_hz": 600.0, "latitude": LATITUDE, "sensor": "sdc500"}
+    assert misfits(bundle, fast, **facts) == []
+    (found,) = misfits(bundle, 10 * fast, **facts)
+    assert "noise" in found.message
+    assert "shorter" in misfits(bundle, fast[:100], **facts)[0].message
 
 
 def test_decode_by_hand():

@@ -145,7 +145,8 @@ def folder(tmp_path):
         rate = EARTH_RATE * np.array([np.cos(angle), -np.sin(angle), 0.0])
         gyro = rate + 1 * DEG_PER_HOUR * generator.standard_normal((130, 3))
         rows = np.hstack([np.arange(130)[:, None] / 10.0, gyro, np.tile([0, 0, -9.8], (130, 1))])
-        text = f"# rate_hz: 10\n# gyro_unit: rad/s\n# axes: frd\n# heading_true_deg: {heading}\n# latitude_deg: 0\n"
+        text = "# rate_hz: 10\n# gyro_unit: rad/s\n# accel_unit: m/s2\n# axes: frd\n# latitude_deg: 0\n"
+        text += f"# heading_true_deg: {heading}\n"
         text += "t,w_x,w_y,w_z,f_x,f_y,f_z\n" + "".join(",".join(repr(float(v)) for v in row) + "\n" for row in rows)
         (tmp_path / f"{heading}.csv").write_text(text)
     return tmp_path

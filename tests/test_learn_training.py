@@ -88,7 +88,7 @@ def test_the_defaults_are_the_papers():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("denoiser: {hiden: 3}", "denoiser.hiden"),
+        ("denoiser: {width: 3}", "denoiser.width"),
         ("layout: sideways", "layout"),
         ("heading: {dropout: 1.5}", "heading.dropout"),
         ("sampler: {t_back: 1000}", "t_back is 1000"),

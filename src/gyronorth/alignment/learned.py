@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.bundle import Bundle, read_bundle
-from gyronorth.alignment.diffusion import Predict, denoise
+from gyronorth.alignment.bundle import Bundle, Mismatch, RecordingFacts, mismatch, read_bundle
+from gyronorth.alignment.diffusion import Predict, denoise, white_noise
 from gyronorth.angles import wrap_heading
 from gyronorth.earth import EARTH_RATE
 from gyronorth.recording import InputError
@@ -86,6 +86,31 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
         return np.zeros(0)
     raw = [np.asarray(bundle.heading.run(None, {"rate": one[None]})[0]) for one in rate]
     return decode(np.concatenate(raw), bundle.info.heading.output)
+
+
+def last_window(bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float) -> NDArray[np.float64]:
+    """The last window of gyro_l (..., n, 3) at `rate_hz`, averaged down to the bundle's rate: (..., samples, 3).
+
+    The recording must fit (`bundle.mismatch`); gyro_l stays in its unit.
+    """
+    from gyronorth.conditioning import decimate
+
+    domain = bundle.info.domain
+    slow = decimate(gyro_l, rate_hz=rate_hz, to_hz=min(domain.rate_hz, rate_hz))
+    return slow[..., -domain.samples :, :]
+
+
+def misfits(
+    bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float, latitude: float | None, sensor: str | None
+) -> list[Mismatch]:
+    """Every way in which one levelled recording (n, 3), rad/s, does not fit the bundle (see `bundle.mismatch`)."""
+    gyro_l = np.asarray(gyro_l, dtype=float)
+    facts = RecordingFacts(rate_hz, len(gyro_l) / rate_hz, latitude, sensor)
+    found = mismatch(bundle.info, facts)
+    if found:
+        return found
+    noise = white_noise(last_window(bundle, gyro_l[None], rate_hz=rate_hz))[0]
+    return mismatch(bundle.info, replace(facts, noise=float(noise)))
 
 
 def clean(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:

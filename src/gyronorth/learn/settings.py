@@ -33,8 +33,8 @@ class DenoiserSettings(Strict):
     tau: Fraction = 0.9  # singular values up to tau S_max are dropped; the paper gives no value
     rate: Positive = 1e-3  # Adam
     batch: Count = 50
-    epochs: Count = 600
-    patience: Count = 60  # epochs without a better validation loss
+    epochs: Count = 300
+    patience: Count = 40  # epochs without a better validation loss
 
 
 class AugmentSettings(Strict):
@@ -56,8 +56,8 @@ class HeadingSettings(Strict):
     rate: Positive = 0.005  # Adam, eta_max of eq:23
     rate_end: Positive | None = 0.0005  # eta_min, reached at the last epoch; None: no decay
     batch: Count = 32
-    epochs: Count = 200
-    patience: Count = 60
+    epochs: Count = 150
+    patience: Count = 40
     augment: AugmentSettings = AugmentSettings()
 
 
