@@ -46,9 +46,8 @@ def made(layout, output, samples=40, **sampler):
         "heading": {"output": output, "epochs": 25, "augment": {"copies": 8}},
     }
     every = windows(16, samples)
-    data = TrainingData(
-        every.rows(np.arange(0, 16, 2)), every.rows(np.arange(1, 16, 2)), "simulated", LATITUDE, "sdc500"
-    )
+    parts = [every.rows(np.arange(start, 16, step)) for start, step in ((0, 2), (1, 4), (3, 4))]
+    data = TrainingData(*parts[:2], "simulated", LATITUDE, "sdc500", test=parts[2])
     denoiser = train_denoiser(Settings.model_validate(tree))
     return denoiser, train_heading(Settings.model_validate(tree), data, denoiser), data
 
@@ -112,7 +111,8 @@ def test_a_bundle_read_again_is_the_same(exported, tmp_path):
     assert np.array_equal(run(load_bundle(tmp_path / "copy"), gyro), run(load_bundle(folder), gyro))
     card = (folder / "README.md").read_text()
     assert f"layout `{bundle.layout}`" in card
-    assert "validation (8 recordings)" in card
+    assert "validation (4 recordings)" in card
+    assert "test (4 recordings)" in card
 
 
 def test_the_last_window_of_a_longer_recording_is_used(exported):

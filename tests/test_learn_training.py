@@ -49,7 +49,9 @@ def recordings(n=9, samples=12, seed=0):
 
 def data():
     every = recordings()
-    return TrainingData(every.rows(np.arange(6)), every.rows(np.arange(6, 9)), "simulated", radians(32), "sdc500")
+    return TrainingData(
+        every.rows(np.arange(6)), every.rows(np.arange(6, 9)), source="simulated", latitude=radians(32), sensor="sdc500"
+    )
 
 
 def weights(trained):

@@ -118,6 +118,20 @@ def read_bundle(folder: str | Path) -> Bundle:
     return bundle
 
 
+def shipped_bundle(method: str) -> Path:
+    """Folder of the bundle that ships with the package for a method.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    folder = Path(__file__).parents[1] / "bundles" / method
+    if not (folder / "bundle.json").is_file():
+        raise InputError(f"No bundle for the method {method} ships with this package. Give --model FOLDER.")
+    return folder
+
+
 def checksum(path: Path) -> str:
     """SHA-256 of a file, hexadecimal; empty if there is no such file."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

@@ -138,15 +138,16 @@ def _metrics(
             metrics[f"{name}_best_epoch"] = float(trained.progress.best_epoch)
             metrics[f"{name}_validation_loss"] = trained.progress.best if np.isfinite(trained.progress.best) else None
     if heading is not None and data is not None:
-        for name, part in (("train", data.train), ("validation", data.validation)):
+        for name, part in (("train", data.train), ("validation", data.validation), ("test", data.test)):
+            if part is None:
+                continue
+            metrics[f"{name}_recordings"] = float(len(np.unique(part.recording)))
             mean = part.gyro_l.mean(axis=1)
             closed_form = np.arctan2(-mean[:, 1], mean[:, 0])
             for method, estimate in (("model_based", closed_form), ("network", heading.headings(part.gyro_l))):
                 metrics[f"{name}_{method}_crmse_deg"] = float(
                     np.degrees(cyclic_rmse(angle_error(estimate, part.heading)))
                 )
-        metrics["train_recordings"] = float(len(np.unique(data.train.recording)))
-        metrics["validation_recordings"] = float(len(np.unique(data.validation.recording)))
     return metrics
 
 
@@ -186,13 +187,15 @@ def model_card(bundle: Bundle) -> str:
         )
     if "validation_network_crmse_deg" in metrics:
         lines += ["", "| cyclic RMSE, deg | closed form | this network |", "|---|---|---|"]
-        for name in ("train", "validation"):
+        for name in ("train", "validation", "test"):
+            if f"{name}_recordings" not in metrics:
+                continue
             row = (metrics[f"{name}_model_based_crmse_deg"], metrics[f"{name}_network_crmse_deg"])
             lines.append(f"| {name} ({metrics[f'{name}_recordings']:.0f} recordings) | {row[0]:.2f} | {row[1]:.2f} |")
         lines += [
             "",
-            "The validation recordings chose the epoch, and they are few: neither row is the error to expect on "
-            "recordings of another unit or day. White noise alone is estimated best by the closed form.",
+            "All recordings are of one set: no row is the error to expect on recordings of another unit or day. "
+            "The validation recordings chose the epoch. White noise alone is estimated best by the closed form.",
         ]
     return "\n".join(lines) + "\n"
 
