@@ -10,6 +10,7 @@ from gyronorth.learn.data import TrainingData
 from gyronorth.learn.export import export_bundle
 from gyronorth.learn.settings import Settings, read_settings, write_settings
 from gyronorth.learn.stages import Run, train_denoiser, train_heading
+from gyronorth.learn.training import write_atomically
 from gyronorth.recording import InputError
 
 
@@ -63,5 +64,5 @@ def _training_folder(out: Path, settings: Settings, stage: str, resume: bool) ->
     if kept.is_file() and read_settings(kept) != settings:
         raise InputError(f"{kept} differs from the settings given. Continue with the same ones, or give another -o.")
     folder.mkdir(parents=True, exist_ok=True)
-    write_settings(settings, kept)
+    write_atomically(kept, lambda beside: write_settings(settings, beside))
     return folder
