@@ -16,6 +16,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="PyTorch comes with the extra train")
 pytest.importorskip("tensorboard", reason="tensorboard comes with the extra train")
 
+from gyronorth.angles import angle_error, cyclic_rmse  # noqa: E402
 from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa: E402
 from gyronorth.learn.run import run_training  # noqa: E402
 from gyronorth.learn.settings import Settings, baseline, paper, read_settings, write_settings  # noqa: E402
@@ -160,6 +161,17 @@ def test_same_seed_same_weights_and_no_global_state(layout):
     assert torch.equal(weights(heads[0]), weights(heads[1]))
     assert torch.equal(torch.get_rng_state(), before)
     assert heads[0].headings(data().validation.gyro_l).shape == (3,)
+
+
+def test_a_test_part_is_recorded_and_decides_nothing():
+    settings = changed(TINY, heading={"denoised": False})
+    plain = train_heading(settings, data(), None)
+    watched = train_heading(settings, replace(data(), test=recordings(3, seed=4)), None)
+    assert torch.equal(weights(plain), weights(watched))
+    assert [set(entry) - {"loss", "validation", "rate"} for entry in watched.progress.history] == [{"test"}] * 6
+    error = angle_error(watched.headings(recordings(3, seed=4).gyro_l), recordings(3, seed=4).heading)
+    best = watched.progress.history[watched.progress.best_epoch - 1]
+    assert np.degrees(cyclic_rmse(error)) == pytest.approx(best["test"], rel=1e-4)
 
 
 @pytest.mark.parametrize("normalisation", ["sample", "sequence", "channel", "dataset", "none"])

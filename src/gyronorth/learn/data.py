@@ -73,7 +73,7 @@ class TrainingData:
     sensor: str | None = None  # name of the profile
     unit: str | None = None  # serial number of the sensor, when all data are of one
     session: str | None = None  # power-up session(s)
-    test: HeadingSet | None = None  # looked at once, after training: its error goes into the bundle
+    test: HeadingSet | None = None  # its error is recorded and decides nothing
 
 
 def synthetic_set(*, headings: int = 720, latitude: float = 0.0, samples: int = 300) -> HeadingSet:

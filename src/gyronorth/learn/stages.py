@@ -162,18 +162,19 @@ def train_heading(
 ) -> TrainedHeading:
     """Stage two: the heading network on recordings, augmented and then cleaned by the frozen denoiser.
 
-    `denoiser` is left out where the settings say `heading.denoised: false`.
+    `denoiser` is left out where the settings say `heading.denoised: false`. The error on a test
+    part is written down every epoch and decides nothing.
     """
     part = settings.heading
     denoiser = denoiser if part.denoised else None
     rng = np.random.default_rng([settings.seed, AUGMENT])
     more = part.augment
     train = augment(data.train, copies=more.copies, span=radians(more.span_deg), noise=more.noise, rng=rng)
-    key = train.sha256() + data.validation.sha256() + ("" if denoiser is None else _weights_sha256(denoiser.network))
+    parts = [train, data.validation] + ([] if data.test is None else [data.test])
+    key = "".join(part.sha256() for part in parts) + ("" if denoiser is None else _weights_sha256(denoiser.network))
     with torch_threads(settings.threads):
-        x_train, x_validation = _inputs(train, data.validation, denoiser, run, _fingerprint("inputs", settings, key))
-    y_train = torch.from_numpy(np.degrees(train.heading)).float()
-    y_validation = torch.from_numpy(np.degrees(data.validation.heading)).float()
+        x_train, x_validation, *x_test = _inputs(parts, denoiser, run, _fingerprint("inputs", settings, key))
+    y_train, y_validation, *y_test = (torch.from_numpy(np.degrees(part.heading)).float() for part in parts)
     generator = _generator(settings, HEADING)
     network = cast(
         HeadingNetwork,
@@ -193,12 +194,18 @@ def train_heading(
     def loss(index: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         return crmse_deg(network(x_train[index], generator), y_train[index])
 
-    def validate() -> float:
+    def crmse(x: torch.Tensor, y: torch.Tensor) -> float:
         with torch.inference_mode():
-            return crmse_deg(torch.cat([network(x) for x in x_validation.split(part.batch)]), y_validation).item()
+            return crmse_deg(torch.cat([network(some) for some in x.split(part.batch)]), y).item()
+
+    def validate() -> float:
+        return crmse(x_validation, y_validation)
+
+    def watch() -> dict[str, float]:
+        return {"test": crmse(x_test[0], y_test[0])} if x_test else {}
 
     rate = decay(part.rate, part.rate_end, part.epochs)
-    task = Task("heading", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate)
+    task = Task("heading", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate, watch)
     progress = _fit(task, settings, generator, run, key)
     return TrainedHeading(network, settings, denoiser, progress)
 
@@ -214,22 +221,22 @@ def _fit(task: Task, settings: Settings, generator: torch.Generator, run: Run, d
 
 
 def _inputs(
-    train: HeadingSet, validation: HeadingSet, denoiser: TrainedDenoiser | None, run: Run, fingerprint: str
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Network inputs of both parts; the denoised ones are kept in the run's folder for a resumed training."""
+    parts: list[HeadingSet], denoiser: TrainedDenoiser | None, run: Run, fingerprint: str
+) -> list[torch.Tensor]:
+    """Network inputs of each part; the denoised ones are kept in the run's folder for a resumed training."""
     if denoiser is None:
-        return _network_input(train.gyro_l), _network_input(validation.gyro_l)
+        return [_network_input(part.gyro_l) for part in parts]
     path = None if run.folder is None else run.folder / "denoised.npz"
     if path is not None and path.is_file():
         with np.load(path) as stored:
-            if str(stored["fingerprint"]) == fingerprint:
-                return _network_input(stored["train"]), _network_input(stored["validation"])
-    clean_train, clean_validation = denoiser.clean(train.gyro_l), denoiser.clean(validation.gyro_l)
+            if str(stored["arr_0"]) == fingerprint:
+                return [_network_input(stored[f"arr_{k}"]) for k in range(1, len(parts) + 1)]
+    clean = [denoiser.clean(part.gyro_l) for part in parts]
     if path is not None:
         buffer = io.BytesIO()
-        np.savez(buffer, train=clean_train, validation=clean_validation, fingerprint=fingerprint)
+        np.savez(buffer, np.array(fingerprint), *clean)
         write_atomically(path, lambda beside: beside.write_bytes(buffer.getbuffer()))
-    return _network_input(clean_train), _network_input(clean_validation)
+    return [_network_input(one) for one in clean]
 
 
 def _normalised(data: HeadingSet, normalisation: Normalisation) -> torch.Tensor:

@@ -29,6 +29,7 @@ class Task:
     rate: Callable[[int], float]  # learning rate of an epoch, 0, 1, ...
     loss: Callable[[Tensor, torch.Generator], Tensor]  # of the examples with these indices
     validate: Callable[[], float]  # validation loss
+    watch: Callable[[], dict[str, float]] = dict  # more figures for the history; nothing is decided by them
 
 
 @dataclass
@@ -84,7 +85,8 @@ def fit(
         if validation < progress.best:
             progress.best, progress.best_epoch = validation, progress.epoch + 1
             best = {name: value.clone() for name, value in network.state_dict().items()}
-        progress.history.append({"loss": loss, "validation": validation, "rate": task.rate(progress.epoch)})
+        entry = {"loss": loss, "validation": validation, **task.watch(), "rate": task.rate(progress.epoch)}
+        progress.history.append(entry)
         waited = progress.epoch - progress.best_epoch
         finite = math.isfinite(loss) and math.isfinite(validation)
         progress.finished = progress.epoch >= task.epochs or waited >= task.patience or not finite
