@@ -1,0 +1,197 @@
+"""A trained bundle on disk: `bundle.json`, its schema, and whether a recording fits it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from gyronorth.alignment.diffusion import Normalisation, Sampler, Schedule
+from gyronorth.recording import InputError
+
+SCHEMA = "gyronorth.bundle/1"
+#: A recording longer than the window by less than this part still fits (rounding of durations), s.
+WINDOW_SLACK = 1e-6
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Strict(BaseModel):
+    """Immutable, and an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Domain(Strict):
+    """What the bundle was trained for; `None` means any."""
+
+    rate_hz: Positive  # rate of the network's input, Hz; a faster recording is decimated to it
+    samples: Annotated[int, Field(gt=0)]  # length of the window in samples
+    latitude_deg: float | None = None
+    latitude_tolerance_deg: Positive = 2.0
+    sensor: str | None = None  # sensor class: the name of a profile
+    noise_deg_s: Positive | None = None  # white noise of one sample at rate_hz, median over the training recordings
+    noise_factor: Annotated[float, Field(gt=1)] = 3.0  # a recording may be this much noisier or quieter
+    unit: str | None = None  # serial number, where the bundle carries that unit's deviation curve
+    session: str | None = None  # power-up session(s) it was trained on
+
+    @property
+    def window(self) -> float:
+        """Length of the window, s."""
+        return self.samples / self.rate_hz
+
+
+class DenoiserPart(Strict):
+    """`denoiser.onnx`: inputs x (n, samples, 3) normalised and t (n,); output the noise."""
+
+    file: str = "denoiser.onnx"
+    sha256: str
+    schedule: Schedule = Schedule()
+    sampler: Sampler = Sampler()
+    normalisation: Normalisation = Normalisation()
+
+
+class HeadingPart(Strict):
+    """`heading.onnx`: input angular rate (n, samples, 3) in units of Earth rate, float64; output by `output`."""
+
+    file: str = "heading.onnx"
+    sha256: str
+    output: Literal["degrees", "cos_sin"] = "degrees"
+
+
+class Bundle(Strict):
+    """The contents of `bundle.json`."""
+
+    schema_: Literal["gyronorth.bundle/1"] = Field(default=SCHEMA, alias="schema")
+    method: Literal["paper", "baseline", "learned", "denoiser"]
+    layout: Literal["temporal", "flattened"]  # an across_batch model is never exported
+    domain: Domain
+    denoiser: DenoiserPart | None = None
+    heading: HeadingPart | None = None
+    training: dict[str, Any] = {}  # the settings it was trained with
+    data_sha256: dict[str, str] = {}  # of the training and validation arrays
+    metrics: dict[str, float | None] = {}  # in degrees where the name says so
+    provenance: dict[str, str] = {}  # code version, libraries, where the data come from
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+    def to_json(self) -> str:
+        """The text of `bundle.json`."""
+        return json.dumps(self.model_dump(mode="json", by_alias=True), indent=2, allow_nan=False) + "\n"
+
+
+def read_bundle(folder: str | Path) -> Bundle:
+    """Read `bundle.json` and check the networks beside it against their checksums.
+
+    Raises
+    ------
+    InputError
+        If the folder is no bundle, is of another schema, or a network is missing or changed.
+    """
+    folder = Path(folder)
+    path = folder / "bundle.json"
+    if not path.is_file():
+        raise InputError(
+            f"{folder} is not a bundle: there is no bundle.json in it. "
+            "Give --model the folder that `gyronorth train ... -o FOLDER` wrote."
+        )
+    try:
+        bundle = Bundle.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise InputError(
+            f"{path}: {where}: {first['msg']} (got {str(first['input'])[:60]!r}). "
+            f"A bundle of schema {SCHEMA} is expected; train it again with this version of gyronorth."
+        ) from None
+    for part in (bundle.denoiser, bundle.heading):
+        if part is not None and checksum(_inside(folder, part.file)) != part.sha256:
+            raise InputError(
+                f"{folder / part.file} does not match its checksum in bundle.json: "
+                "the bundle was changed or copied incompletely. Copy or train it again."
+            )
+    return bundle
+
+
+def shipped_bundle(method: str) -> Path:
+    """Folder of the bundle that ships with the package for a method.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    folder = Path(__file__).parents[1] / "bundles" / method
+    if not (folder / "bundle.json").is_file():
+        raise InputError(f"No bundle for the method {method} ships with this package. Give --model FOLDER.")
+    return folder
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal; empty if there is no such file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def _inside(folder: Path, name: str) -> Path:
+    if Path(name).name != name:
+        raise InputError(f"bundle.json names the network {name!r}; a file name in the bundle's own folder is expected.")
+    return folder / name
+
+
+@dataclass(frozen=True)
+class RecordingFacts:
+    """What is known of a recording when a bundle is to be run on it; `None` is not judged."""
+
+    rate_hz: float  # Hz
+    duration: float  # s
+    latitude: float | None = None  # rad
+    sensor: str | None = None  # name of the profile
+    noise: float | None = None  # white noise of one sample at the bundle's rate, rad/s
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """One way in which a recording does not fit a bundle."""
+
+    message: str
+    value: float | None
+    limit: float | None
+
+
+def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Mismatch]:
+    """Every way in which the recording does not fit the bundle; empty if it fits."""
+    domain = bundle.domain
+    found: list[Mismatch] = []
+    if bundle.heading is None:
+        found.append(Mismatch("the bundle holds a denoiser only and gives no heading", None, None))
+    if facts.rate_hz < domain.rate_hz * (1 - 1e-9):
+        text = f"the recording's rate of {facts.rate_hz:g} Hz is below the bundle's {domain.rate_hz:g} Hz"
+        found.append(Mismatch(text, facts.rate_hz, domain.rate_hz))
+    if facts.duration < domain.window * (1 - WINDOW_SLACK):
+        text = f"the recording's {facts.duration:g} s are shorter than the bundle's window of {domain.window:g} s"
+        found.append(Mismatch(text, facts.duration, domain.window))
+    if facts.sensor and domain.sensor and facts.sensor.casefold() != domain.sensor.casefold():
+        text = f"the recording's sensor is {facts.sensor}; the bundle was trained for {domain.sensor}"
+        found.append(Mismatch(text, None, None))
+    if facts.latitude is not None and domain.latitude_deg is not None:
+        latitude = float(np.degrees(facts.latitude))
+        if abs(latitude - domain.latitude_deg) > domain.latitude_tolerance_deg:
+            text = (
+                f"the latitude of {latitude:.2f} deg is more than {domain.latitude_tolerance_deg:g} deg from the "
+                f"{domain.latitude_deg:.2f} deg the bundle was trained at"
+            )
+            found.append(Mismatch(text, latitude, domain.latitude_deg))
+    if facts.noise is not None and domain.noise_deg_s is not None:
+        noise = float(np.degrees(facts.noise))
+        if not 1 / domain.noise_factor <= noise / domain.noise_deg_s <= domain.noise_factor:
+            text = (
+                f"the recording's noise of {noise:.3g} deg/s a sample is not within a factor of "
+                f"{domain.noise_factor:g} of the {domain.noise_deg_s:.3g} deg/s the bundle was trained on"
+            )
+            found.append(Mismatch(text, noise, domain.noise_deg_s))
+    return found

@@ -1,0 +1,144 @@
+"""Heading by a trained bundle, run through ONNX Runtime; PyTorch is not needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gyronorth.alignment.bundle import Bundle, Mismatch, RecordingFacts, mismatch, read_bundle
+from gyronorth.alignment.diffusion import Predict, denoise, white_noise
+from gyronorth.angles import wrap_heading
+from gyronorth.earth import EARTH_RATE
+from gyronorth.recording import InputError
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
+
+@dataclass(frozen=True)
+class LoadedBundle:
+    """A bundle with its networks loaded."""
+
+    name: str
+    info: Bundle
+    denoiser: InferenceSession | None
+    heading: InferenceSession | None
+
+
+def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
+    """Read a bundle and load its networks, each on `threads` threads.
+
+    Raises
+    ------
+    InputError
+        If the folder is not a bundle, or onnxruntime is not installed.
+    """
+    info = read_bundle(folder)
+    try:
+        import onnxruntime
+    except ImportError:
+        raise InputError(
+            "Running a trained bundle needs onnxruntime, which is not installed. "
+            "Install it with: pip install 'gyronorth[learned]'."
+        ) from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+
+    def session(file: str) -> InferenceSession:
+        return onnxruntime.InferenceSession(Path(folder, file), options, providers=["CPUExecutionProvider"])
+
+    return LoadedBundle(
+        Path(folder).name,
+        info,
+        None if info.denoiser is None else session(info.denoiser.file),
+        None if info.heading is None else session(info.heading.file),
+    )
+
+
+def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
+    """Headings of levelled recordings.
+
+    Parameters
+    ----------
+    gyro_l : array_like, shape (n, samples, 3)
+        Angular rate in the level frame, rad/s, at the bundle's rate; `samples` at least the
+        bundle's window, of which the last one is used.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Heading in [0, 2 pi) rad.
+
+    Notes
+    -----
+    Recordings go through the networks one by one: float32 matrix products round differently
+    with the size of a batch, by more than the 1e-5 deg to which a heading must not depend on it.
+    """
+    if bundle.heading is None or bundle.info.heading is None:
+        raise InputError(f"The bundle {bundle.name} holds a denoiser only; it gives no heading.")
+    rate = clean(bundle, gyro_l) / EARTH_RATE
+    if len(rate) == 0:
+        return np.zeros(0)
+    raw = [np.asarray(bundle.heading.run(None, {"rate": one[None]})[0]) for one in rate]
+    return decode(np.concatenate(raw), bundle.info.heading.output)
+
+
+def last_window(bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float) -> NDArray[np.float64]:
+    """The last window of gyro_l (..., n, 3) at `rate_hz`, averaged down to the bundle's rate: (..., samples, 3).
+
+    The recording must fit (`bundle.mismatch`); gyro_l stays in its unit.
+    """
+    from gyronorth.conditioning import decimate
+
+    domain = bundle.info.domain
+    slow = decimate(gyro_l, rate_hz=rate_hz, to_hz=min(domain.rate_hz, rate_hz))
+    return slow[..., -domain.samples :, :]
+
+
+def misfits(
+    bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float, latitude: float | None, sensor: str | None
+) -> list[Mismatch]:
+    """Every way in which one levelled recording (n, 3), rad/s, does not fit the bundle (see `bundle.mismatch`)."""
+    gyro_l = np.asarray(gyro_l, dtype=float)
+    facts = RecordingFacts(rate_hz, len(gyro_l) / rate_hz, latitude, sensor)
+    found = mismatch(bundle.info, facts)
+    if found:
+        return found
+    noise = white_noise(last_window(bundle, gyro_l[None], rate_hz=rate_hz))[0]
+    return mismatch(bundle.info, replace(facts, noise=float(noise)))
+
+
+def clean(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
+    """The last window of each recording, denoised where the bundle has a denoiser, rad/s, shape (n, window, 3)."""
+    gyro_l = np.asarray(gyro_l, dtype=float)
+    samples = bundle.info.domain.samples
+    if gyro_l.ndim != 3 or gyro_l.shape[1] < samples or gyro_l.shape[2] != 3:
+        raise InputError(f"gyro_l has shape {gyro_l.shape}; (n, {samples} or more, 3) is expected by {bundle.name}.")
+    gyro_l = gyro_l[:, -samples:]
+    part = bundle.info.denoiser
+    if part is None or bundle.denoiser is None or len(gyro_l) == 0:
+        return gyro_l
+    settings = {"schedule": part.schedule, "sampler": part.sampler, "normalisation": part.normalisation}
+    predict = onnx_predictor(bundle.denoiser)
+    return np.concatenate([denoise(predict, one[None], **settings) for one in gyro_l])
+
+
+def onnx_predictor(session: InferenceSession) -> Predict:
+    """The noise prediction of an exported denoiser."""
+
+    def predict(x: NDArray[np.float32], t: int) -> NDArray[np.float32]:
+        return np.asarray(session.run(None, {"x": x, "t": np.full(len(x), t, dtype=np.int64)})[0])
+
+    return predict
+
+
+def decode(raw: NDArray[np.float64], output: str) -> NDArray[np.float64]:
+    """Heading in [0, 2 pi) rad from a heading network's output (n, 1) in degrees or (n, 2) as cos, sin."""
+    if output == "degrees":
+        return wrap_heading(np.radians(raw[:, 0] % 360.0))
+    return wrap_heading(np.arctan2(raw[:, 1], raw[:, 0]))

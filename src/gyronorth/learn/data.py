@@ -1,0 +1,183 @@
+"""Data sets for training: the synthetic one of the paper, augmentation, splits by recording, a folder of recordings."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gyronorth.alignment.diffusion import white_noise
+from gyronorth.earth import earth_rate_n
+from gyronorth.levelling import level, mat_bn, mat_lb
+from gyronorth.recording import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HeadingSet:
+    """Windows of levelled angular rate with their headings.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not agree.
+    """
+
+    gyro_l: Array  # (n, samples, 3) angular rate in the level frame, rad/s
+    heading: Array  # (n,) rad
+    recording: NDArray[np.int64]  # (n,) which recording a window comes from: the unit of every split
+
+    def __post_init__(self) -> None:
+        n = len(self.gyro_l)
+        if (
+            self.gyro_l.ndim != 3
+            or self.gyro_l.shape[2] != 3
+            or self.heading.shape != (n,)
+            or self.recording.shape != (n,)
+        ):
+            shapes = (self.gyro_l.shape, self.heading.shape, self.recording.shape)
+            raise ValueError(
+                f"gyro_l, heading, recording have shapes {shapes}; (n, samples, 3), (n,), (n,) are expected."
+            )
+
+    def __len__(self) -> int:
+        return len(self.gyro_l)
+
+    def rows(self, index: ArrayLike) -> HeadingSet:
+        """The windows at `index` (integers or a mask)."""
+        index = np.asarray(index)
+        return HeadingSet(self.gyro_l[index], self.heading[index], self.recording[index])
+
+    def sha256(self) -> str:
+        """Checksum of the arrays, hexadecimal."""
+        digest = hashlib.sha256()
+        for array in (self.gyro_l, self.heading, self.recording):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What trains and validates a heading network, and where it comes from."""
+
+    train: HeadingSet
+    validation: HeadingSet
+    source: str = ""  # for the model card
+    latitude: float | None = None  # rad
+    sensor: str | None = None  # name of the profile
+    unit: str | None = None  # serial number of the sensor, when all data are of one
+    session: str | None = None  # power-up session(s)
+    test: HeadingSet | None = None  # its error is recorded and decides nothing
+
+
+def synthetic_set(*, headings: int = 720, latitude: float = 0.0, samples: int = 300) -> HeadingSet:
+    """Clean constant Earth rate (eq:8) at headings evenly over the circle: the x_0 of the denoiser.
+
+    The paper takes latitude 0, at which w_z is zero; `latitude` is in rad.
+    """
+    heading = np.linspace(0, 2 * np.pi, headings, endpoint=False)
+    gyro = mat_bn(0.0, 0.0, heading) @ earth_rate_n(latitude)
+    return HeadingSet(np.repeat(gyro[:, None], samples, axis=1), heading, np.arange(headings))
+
+
+def split_recordings(data: HeadingSet, shares: tuple[float, ...], *, rng: np.random.Generator) -> list[HeadingSet]:
+    """Random parts in the ratio of `shares`, whole recordings each: 60/20/20 % or 24/4/6.
+
+    Every part gets at least one recording.
+    """
+    ids = rng.permutation(np.unique(data.recording))
+    if len(ids) < len(shares):
+        raise InputError(
+            f"The data hold {len(ids)} recordings; at least {len(shares)} are needed for {len(shares)} parts."
+        )
+    edges = np.round(np.cumsum(shares[:-1]) / sum(shares) * len(ids)).astype(int)
+    for k in range(len(edges)):
+        edges[k] = min(max(edges[k], (edges[k - 1] if k else 0) + 1), len(ids) - (len(edges) - k))
+    return [data.rows(np.isin(data.recording, part)) for part in np.split(ids, edges)]
+
+
+def turned(gyro_l: Array, angle: ArrayLike) -> Array:
+    """Angular rate (..., samples, 3) of the same unit turned clockwise by `angle` (...), rad, about the vertical."""
+    angle = np.asarray(angle, dtype=float)[..., None]
+    x, y, z = np.moveaxis(gyro_l, -1, 0)
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.stack([cos * x + sin * y, cos * y - sin * x, z + 0 * angle], axis=-1)
+
+
+def augment(
+    data: HeadingSet,
+    *,
+    copies: int = 100,
+    span: float = radians(20),
+    noise: Literal["faithful", "redrawn"] = "faithful",
+    rng: np.random.Generator,
+) -> HeadingSet:
+    """Each window turned to `copies` headings evenly from -span to +span, rad (IV-A).
+
+    `faithful` turns the recorded samples, so that one noise realisation and the bias turn
+    along: a network can learn the fingerprint of the few recordings. `redrawn` turns the mean
+    and draws white noise of the window's own deviation for every copy, its mean taken out: what
+    the mean knows of the heading stays as recorded.
+    """
+    angles = np.linspace(-span, span, copies) if copies > 1 else np.zeros(1)
+    gyro = data.gyro_l
+    if noise == "faithful":
+        many = turned(gyro[:, None], angles[None, :])
+    else:
+        samples = gyro.shape[1]
+        draw = rng.standard_normal((len(gyro), copies, samples, 3))
+        draw -= draw.mean(axis=2, keepdims=True)
+        std = np.sqrt(np.mean(np.diff(gyro, axis=1) ** 2, axis=1) / 2)
+        many = turned(gyro.mean(axis=1, keepdims=True)[:, None], angles[None, :]) + draw * std[:, None, None]
+    heading = (data.heading[:, None] + angles) % (2 * np.pi)
+    return HeadingSet(many.reshape(-1, *gyro.shape[1:]), heading.ravel(), np.repeat(data.recording, copies))
+
+
+def noise_deg_s(data: HeadingSet) -> float:
+    """Median over the windows of the white noise of one sample, deg/s."""
+    return float(np.degrees(np.median(white_noise(data.gyro_l))))
+
+
+def read_folder(folder: str | Path, *, rate_hz: float, samples: int, windows: int = 1, **options: object) -> HeadingSet:
+    """The first `windows` windows of every recording in a folder, levelled and decimated.
+
+    `options` go to `gyronorth.readers.read`. A recording without accelerometer is taken as level.
+
+    Raises
+    ------
+    InputError
+        If a file has no reference heading or is shorter than one window, or there is no file.
+    """
+    from gyronorth.conditioning import decimated
+    from gyronorth.readers import ReadOptions, read
+
+    rows: list[Array] = []
+    heading: list[float] = []
+    ids: list[int] = []
+    paths = sorted(path for path in Path(folder).iterdir() if path.is_file() and not path.name.startswith("."))
+    for number, path in enumerate(paths):
+        recording = read(path, ReadOptions(**options))  # type: ignore[arg-type]
+        truth = recording.heading_true
+        if truth is None:
+            raise InputError(
+                f"{path} has no reference heading, which training needs. "
+                "Give it as `# heading_true_deg: ...` or in the name of a file of the published layout."
+            )
+        if recording.accel_b is not None:
+            recording = recording.rotated(mat_lb(*level(recording.accel_b.mean(axis=0))))
+        slow = decimated(recording, rate_hz).gyro_b
+        count = min(windows, len(slow) // samples)
+        if count == 0:
+            raise InputError(f"{path} lasts {recording.duration:g} s; a window of {samples / rate_hz:g} s is expected.")
+        rows.extend(slow[: count * samples].reshape(count, samples, 3))
+        heading.extend([truth] * count)
+        ids.extend([number] * count)
+    if not rows:
+        raise InputError(f"{folder} holds no recordings to train on.")
+    return HeadingSet(np.array(rows), np.array(heading), np.array(ids))

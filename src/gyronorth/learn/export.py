@@ -1,0 +1,204 @@
+"""Export to a bundle: two ONNX networks, `bundle.json`, and a model card."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import warnings
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from gyronorth.alignment.bundle import Bundle, DenoiserPart, Domain, HeadingPart, checksum
+from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.learn.data import TrainingData, noise_deg_s
+from gyronorth.learn.regressor import precise
+from gyronorth.learn.settings import Settings
+from gyronorth.learn.stages import TrainedDenoiser, TrainedHeading
+from gyronorth.recording import InputError
+
+
+def export_bundle(
+    folder: str | Path,
+    *,
+    denoiser: TrainedDenoiser | None,
+    heading: TrainedHeading | None = None,
+    data: TrainingData | None = None,
+) -> Bundle:
+    """Write a bundle folder; an old one of the same name is replaced only when the new one is whole.
+
+    Parameters
+    ----------
+    denoiser, heading : the trained stages; a bundle of a denoiser alone gives no heading.
+    data : TrainingData, optional
+        What the heading network was trained on: its sensor, latitude, noise and checksums are recorded.
+
+    Raises
+    ------
+    InputError
+        For the across_batch layout, whose headings depend on the other recordings in a batch,
+        or if `folder` is there and is not a bundle.
+    """
+    trained = heading or denoiser
+    if trained is None:
+        raise ValueError("export_bundle needs a trained denoiser, a heading network, or both.")
+    settings = trained.settings
+    if settings.layout == "across_batch":
+        raise InputError(
+            "The layout across_batch cannot be exported: its heading of one recording depends on the others beside it. "
+            "Train with layout: flattened or temporal."
+        )
+    folder = Path(folder)
+    if folder.exists() and not (folder / "bundle.json").is_file() and any(folder.iterdir()):
+        raise InputError(f"{folder} is not empty and not a bundle; give a new folder for -o.")
+    part = folder.with_name(folder.name + ".part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    denoiser_part = heading_part = None
+    if denoiser is not None:
+        x, t = torch.zeros(1, settings.samples, 3), torch.ones(1, dtype=torch.int64)
+        _export(denoiser.network, {"x": x, "t": t}, "noise", part / "denoiser.onnx")
+        denoiser_part = DenoiserPart(
+            sha256=checksum(part / "denoiser.onnx"),
+            schedule=settings.schedule,
+            sampler=settings.sampler,
+            normalisation=denoiser.normalisation,
+        )
+    if heading is not None:
+        rate = torch.zeros(1, settings.samples, 3, dtype=torch.float64)
+        _export(precise(heading.network), {"rate": rate}, "heading", part / "heading.onnx")
+        heading_part = HeadingPart(sha256=checksum(part / "heading.onnx"), output=settings.heading.output)
+    bundle = Bundle(
+        method="denoiser" if heading is None else "paper" if denoiser is not None else "baseline",
+        layout=settings.layout,
+        domain=_domain(settings, data),
+        denoiser=denoiser_part,
+        heading=heading_part,
+        training=settings.model_dump(mode="json"),
+        data_sha256={} if data is None else {"train": data.train.sha256(), "validation": data.validation.sha256()},
+        metrics=_metrics(denoiser, heading, data),
+        provenance={
+            "gyronorth": _version("gyronorth"),
+            "torch": torch.__version__,
+            "data": data.source if data else "synthetic",
+        },
+    )
+    (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
+    (part / "README.md").write_text(model_card(bundle), encoding="utf-8")
+    shutil.rmtree(folder, ignore_errors=True)
+    os.replace(part, folder)
+    return bundle
+
+
+def _export(network: nn.Module, inputs: dict[str, torch.Tensor], output: str, path: Path) -> None:
+    axes = {name: {0: "n"} for name in (*inputs, output)}
+    with warnings.catch_warnings():
+        # dynamo=True takes minutes on 300 recurrent steps; torch calls this exporter legacy. The others
+        # warn of sizes fixed while tracing: of the width, which is fixed, and of the batch in the initial
+        # state of an LSTM, which is exported open (a test runs several batch sizes).
+        warnings.filterwarnings("ignore", category=DeprecationWarning)
+        warnings.filterwarnings("ignore", category=torch.jit.TracerWarning)  # pyright: ignore[reportPrivateImportUsage]
+        warnings.filterwarnings("ignore", message="Exporting a model to ONNX with a batch_size other than 1")
+        torch.onnx.export(
+            network.eval(),
+            tuple(inputs.values()),
+            str(path),
+            dynamo=False,
+            input_names=list(inputs),
+            output_names=[output],
+            dynamic_axes=axes,
+            opset_version=17,
+        )
+
+
+def _domain(settings: Settings, data: TrainingData | None) -> Domain:
+    if data is None:
+        return Domain(rate_hz=settings.rate_hz, samples=settings.samples)
+    return Domain(
+        rate_hz=settings.rate_hz,
+        samples=settings.samples,
+        latitude_deg=None if data.latitude is None else float(np.degrees(data.latitude)),
+        sensor=data.sensor,
+        noise_deg_s=noise_deg_s(data.train) or None,
+        unit=data.unit,
+        session=data.session,
+    )
+
+
+def _metrics(
+    denoiser: TrainedDenoiser | None, heading: TrainedHeading | None, data: TrainingData | None
+) -> dict[str, float | None]:
+    metrics: dict[str, float | None] = {}
+    for name, trained in (("denoiser", denoiser), ("heading", heading)):
+        if trained is not None:
+            metrics[f"{name}_epochs"] = float(trained.progress.epoch)
+            metrics[f"{name}_best_epoch"] = float(trained.progress.best_epoch)
+            metrics[f"{name}_validation_loss"] = trained.progress.best if np.isfinite(trained.progress.best) else None
+    if heading is not None and data is not None:
+        for name, part in (("train", data.train), ("validation", data.validation), ("test", data.test)):
+            if part is None:
+                continue
+            metrics[f"{name}_recordings"] = float(len(np.unique(part.recording)))
+            mean = part.gyro_l.mean(axis=1)
+            closed_form = np.arctan2(-mean[:, 1], mean[:, 0])
+            for method, estimate in (("model_based", closed_form), ("network", heading.headings(part.gyro_l))):
+                metrics[f"{name}_{method}_crmse_deg"] = float(
+                    np.degrees(cyclic_rmse(angle_error(estimate, part.heading)))
+                )
+    return metrics
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def model_card(bundle: Bundle) -> str:
+    """The README.md of a bundle: what it is, what it was trained on, what it is worth, where it does not apply."""
+    domain, metrics = bundle.domain, bundle.metrics
+    title = {
+        "paper": "Diffusion-denoiser-aided heading",
+        "baseline": "Baseline heading network",
+        "denoiser": "Denoiser",
+    }
+    lines = [f"# {title.get(bundle.method, 'Learned heading')} (`{bundle.method}`, layout `{bundle.layout}`)", ""]
+    lines += [
+        f"- Input: {domain.window:g} s of levelled angular rate at {domain.rate_hz:g} Hz ({domain.samples} samples).",
+        f"- Latitude: {_or_any(domain.latitude_deg, 'deg')}. Sensor class: {domain.sensor or 'any'}.",
+        f"- White noise of a training sample: {_or_any(domain.noise_deg_s, 'deg/s')}.",
+        f"- Data: {bundle.provenance.get('data') or 'not stated'}.",
+    ]
+    if bundle.denoiser is not None:
+        sampler, schedule = bundle.denoiser.sampler, bundle.denoiser.schedule
+        lines.append(
+            f"- Denoiser: normalised per {bundle.denoiser.normalisation.kind}; sampler {sampler.kind} "
+            f"back to step {sampler.t_back} of {schedule.steps}."
+        )
+    if domain.unit or domain.session:
+        lines.append(
+            f"- **Carries the deviation of unit {domain.unit or 'not stated'}, session "
+            f"{domain.session or 'not stated'}**: part of what it learned is that unit's own error and does not "
+            "hold for another."
+        )
+    if "validation_network_crmse_deg" in metrics:
+        lines += ["", "| cyclic RMSE, deg | closed form | this network |", "|---|---|---|"]
+        for name in ("train", "validation", "test"):
+            if f"{name}_recordings" not in metrics:
+                continue
+            row = (metrics[f"{name}_model_based_crmse_deg"], metrics[f"{name}_network_crmse_deg"])
+            lines.append(f"| {name} ({metrics[f'{name}_recordings']:.0f} recordings) | {row[0]:.2f} | {row[1]:.2f} |")
+        lines += [
+            "",
+            "All recordings are of one set: no row is the error to expect on recordings of another unit or day. "
+            "The validation recordings chose the epoch. White noise alone is estimated best by the closed form.",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _or_any(value: float | None, unit: str) -> str:
+    return "any" if value is None else f"{value:.4g} {unit}"

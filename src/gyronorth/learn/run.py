@@ -1,0 +1,68 @@
+"""`train denoiser|regressor|all`: both stages with checkpoints, then the bundle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from gyronorth.alignment.bundle import Bundle
+from gyronorth.learn.data import TrainingData
+from gyronorth.learn.export import export_bundle
+from gyronorth.learn.settings import Settings, read_settings, write_settings
+from gyronorth.learn.stages import Run, train_denoiser, train_heading
+from gyronorth.learn.training import write_atomically
+from gyronorth.recording import InputError
+
+
+def run_training(
+    settings: Settings,
+    stage: Literal["denoiser", "regressor", "all"],
+    data: TrainingData | None,
+    out: str | Path,
+    resume: bool = False,
+    progress: bool = False,
+) -> Bundle:
+    """Train one stage or both and export the bundle `out`.
+
+    Checkpoints, logs and settings go to the folder `<out>.training` beside it. `regressor`
+    needs the denoiser that an earlier `denoiser` with the same settings left there, unless the
+    settings do without one. `data` is not used by `denoiser`. With `resume`, what is there is
+    continued and ends as if it had never been interrupted.
+
+    Raises
+    ------
+    InputError
+        If there is an earlier training that `resume` does not name, or one with other settings or data.
+    """
+    out = Path(out)
+    if stage != "denoiser" and data is None:
+        raise InputError(f"Training the stage {stage} needs recordings with reference headings: give --data FOLDER.")
+    denoised = settings.heading.denoised or stage == "denoiser"
+    run = Run(folder=_training_folder(out, settings, stage, resume), bar=progress)
+    assert run.folder is not None
+    if stage == "regressor" and denoised and not (run.folder / "denoiser.pt").is_file():
+        raise InputError(
+            f"{run.folder} holds no trained denoiser. Train it first with `train denoiser` and the same -o, "
+            "or both with `train all`."
+        )
+    # A finished stage only reads its checkpoint.
+    denoiser = train_denoiser(settings, run=run) if denoised else None
+    if stage == "denoiser" or data is None:
+        return export_bundle(out, denoiser=denoiser)
+    heading = train_heading(settings, data, denoiser, run=run)
+    return export_bundle(out, denoiser=denoiser, heading=heading, data=data)
+
+
+def _training_folder(out: Path, settings: Settings, stage: str, resume: bool) -> Path:
+    folder = out.with_name(out.name + ".training")
+    kept = folder / "settings.yaml"
+    blocking = {"denoiser": ["denoiser.pt"], "regressor": ["heading.pt"], "all": ["denoiser.pt", "heading.pt"]}[stage]
+    if not resume and any((folder / name).exists() for name in blocking):
+        raise InputError(
+            f"{folder} holds an earlier training. Continue it with --resume, or remove the folder, or give another -o."
+        )
+    if kept.is_file() and read_settings(kept) != settings:
+        raise InputError(f"{kept} differs from the settings given. Continue with the same ones, or give another -o.")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(kept, lambda beside: write_settings(settings, beside))
+    return folder

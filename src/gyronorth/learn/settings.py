@@ -1,0 +1,130 @@
+"""Training settings: one YAML file, checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from gyronorth.alignment.bundle import Positive, Strict
+from gyronorth.alignment.diffusion import Sampler, Schedule
+from gyronorth.recording import InputError
+
+Layout = Literal["temporal", "flattened", "across_batch"]
+Count = Annotated[int, Field(ge=1)]
+Fraction = Annotated[float, Field(ge=0, lt=1)]
+
+
+class SyntheticSettings(Strict):
+    """The clean data that train the denoiser (IV-A)."""
+
+    headings: Count = 720  # evenly over the circle: steps of 0.5 deg
+    latitude_deg: float = 0.0  # the paper's; a site's own latitude is the other choice
+
+
+class DenoiserSettings(Strict):
+    """The noise-predicting network and its training (III-B)."""
+
+    layers: Count = 5
+    hidden: Count = 64  # per direction
+    embedding: Annotated[int, Field(ge=2, multiple_of=2)] = 20  # of the step
+    loss: Literal["spectral", "mse"] = "spectral"
+    tau: Fraction = 0.9  # singular values up to tau S_max are dropped; the paper gives no value
+    rate: Positive = 1e-3  # Adam
+    batch: Count = 50
+    epochs: Count = 300
+    patience: Count = 40  # epochs without a better validation loss
+
+
+class AugmentSettings(Strict):
+    """Copies of each training recording at other headings (IV-A)."""
+
+    copies: Count = 100
+    span_deg: Annotated[float, Field(ge=0)] = 20.0  # from -span to +span
+    noise: Literal["faithful", "redrawn"] = "faithful"  # the recording's own noise turned along, or drawn again
+
+
+class HeadingSettings(Strict):
+    """The heading network and its training: the enhanced one (III-D) by default."""
+
+    layers: Count = 2
+    hidden: Count = 24  # per direction
+    dropout: Fraction = 0.05  # between the layers and before the head
+    output: Literal["degrees", "cos_sin"] = "degrees"
+    denoised: bool = True  # the input goes through the denoiser first
+    rate: Positive = 0.005  # Adam, eta_max of eq:23
+    rate_end: Positive | None = 0.0005  # eta_min, reached at the last epoch; None: no decay
+    batch: Count = 32
+    epochs: Count = 150
+    patience: Count = 40
+    augment: AugmentSettings = AugmentSettings()
+
+
+class Settings(Strict):
+    """Everything that decides a training run, with its data."""
+
+    seed: int = 0
+    threads: Count = 1
+    layout: Layout = "flattened"
+    rate_hz: Positive = 3.0
+    samples: Annotated[int, Field(ge=2)] = 300  # 100 s
+    normalisation: Literal["sample", "sequence", "channel", "dataset", "none"] = "sequence"
+    schedule: Schedule = Schedule()
+    sampler: Sampler = Sampler()
+    synthetic: SyntheticSettings = SyntheticSettings()
+    denoiser: DenoiserSettings = DenoiserSettings()
+    heading: HeadingSettings = HeadingSettings()
+
+    @model_validator(mode="after")
+    def _check(self) -> Settings:
+        if self.sampler.t_back >= self.schedule.steps:
+            raise ValueError(
+                f"sampler.t_back is {self.sampler.t_back}; below schedule.steps = {self.schedule.steps} is expected"
+            )
+        return self
+
+
+def paper(**changes: object) -> Settings:
+    """The paper's system: denoiser and enhanced heading network."""
+    return Settings(**changes)  # type: ignore[arg-type]
+
+
+def baseline(**changes: object) -> Settings:
+    """The earlier baseline (arXiv 2312.12121; II-B): no denoiser, dropout or decay; batch 100.
+
+    Learning rate and epochs are those of its public notebook.
+    """
+    heading = HeadingSettings(
+        dropout=0.0, denoised=False, rate=0.0015, rate_end=None, batch=100, epochs=500, patience=100
+    )
+    return Settings(heading=heading, **changes)  # type: ignore[arg-type]
+
+
+def read_settings(path: str | Path) -> Settings:
+    """Settings from a YAML file; what it does not name keeps the paper's value.
+
+    Raises
+    ------
+    InputError
+        If the file is not YAML, or a key or value is not known.
+    """
+    import yaml
+
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise InputError(f"{path} is not a YAML file: {' '.join(str(error).split())}.") from None
+    try:
+        return Settings.model_validate({} if content is None else content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise InputError(f"{path}: {where}: {first['msg']}, got {str(first['input'])[:60]!r}.") from None
+
+
+def write_settings(settings: Settings, path: str | Path) -> None:
+    """Write settings as YAML, every key named."""
+    import yaml
+
+    Path(path).write_text(yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False), encoding="utf-8")

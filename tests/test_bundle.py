@@ -1,0 +1,241 @@
+"""Bundles: the schema, whether a recording fits, export, and inference without PyTorch."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from math import radians
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+torch = pytest.importorskip("torch", reason="PyTorch comes with the extra train")
+pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra learned")
+
+from gyronorth.alignment.bundle import Bundle, Domain, RecordingFacts, mismatch, read_bundle  # noqa: E402
+from gyronorth.alignment.diffusion import Sampler  # noqa: E402
+from gyronorth.alignment.learned import clean, decode, last_window, load_bundle, misfits, run  # noqa: E402
+from gyronorth.angles import angle_error  # noqa: E402
+from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa: E402
+from gyronorth.learn.export import export_bundle  # noqa: E402
+from gyronorth.learn.settings import Settings  # noqa: E402
+from gyronorth.learn.stages import train_denoiser, train_heading  # noqa: E402
+from gyronorth.recording import InputError  # noqa: E402
+
+LATITUDE = radians(32.11)
+#: White noise of one sample at 3 Hz of an SDC500: 0.02 deg/sqrt(h) x sqrt(3 Hz), rad/s.
+NOISE = radians(0.02 / 60) * np.sqrt(3)
+
+
+def windows(n, samples, seed=0):
+    clean_set = synthetic_set(headings=n, latitude=LATITUDE, samples=samples)
+    noise = NOISE * np.random.default_rng(seed).standard_normal(clean_set.gyro_l.shape)
+    return HeadingSet(clean_set.gyro_l + noise, clean_set.heading, clean_set.recording)
+
+
+def made(layout, output, samples=40, **sampler):
+    tree = {
+        "layout": layout,
+        "samples": samples,
+        "synthetic": {"headings": 40},
+        "sampler": sampler,
+        "denoiser": {"layers": 3, "hidden": 16, "epochs": 3, "batch": 10},
+        "heading": {"output": output, "epochs": 25, "augment": {"copies": 8}},
+    }
+    every = windows(16, samples)
+    parts = [every.rows(np.arange(start, 16, step)) for start, step in ((0, 2), (1, 4), (3, 4))]
+    data = TrainingData(*parts[:2], "simulated", LATITUDE, "sdc500", test=parts[2])
+    denoiser = train_denoiser(Settings.model_validate(tree))
+    return denoiser, train_heading(Settings.model_validate(tree), data, denoiser), data
+
+
+@pytest.fixture(
+    scope="module", params=[("flattened", "degrees"), ("flattened", "cos_sin"), ("temporal", "degrees")], ids="-".join
+)
+def exported(request, tmp_path_factory):
+    denoiser, heading, data = made(*request.param, t_back=980)
+    folder = tmp_path_factory.mktemp("bundles") / "b"
+    export_bundle(folder, denoiser=denoiser, heading=heading, data=data)
+    return folder, denoiser, heading
+
+
+def test_exported_networks_agree_with_pytorch_to_1e_4_deg(exported):
+    folder, denoiser, heading = exported
+    gyro = windows(90, 40, seed=2).gyro_l
+    bundle = load_bundle(folder)
+    assert_allclose(clean(bundle, gyro), denoiser.clean(gyro), atol=1e-6 * 7.3e-5)
+    error = angle_error(run(bundle, gyro), heading.headings(gyro))
+    assert np.abs(np.degrees(error)).max() < 1e-4
+
+
+def test_a_heading_does_not_depend_on_the_batch(exported):
+    folder, _, _ = exported
+    bundle = load_bundle(folder)
+
+    @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @given(
+        seed=st.integers(0, 1000), n=st.integers(1, 6), place=st.integers(0, 5), scale=st.sampled_from([0.0, 1.0, 1e3])
+    )
+    def check(seed, n, place, scale):
+        mine = windows(8, 40, seed=seed).gyro_l[seed % 8]
+        others = scale * windows(n, 40, seed=seed + 1).gyro_l
+        batch = np.insert(others, min(place, n), mine, axis=0)
+        together, alone = run(bundle, batch)[min(place, n)], run(bundle, mine[None])[0]
+        assert abs(np.degrees(angle_error(together, alone))) < 1e-5
+
+    check()
+
+
+def test_both_networks_take_any_batch_size(exported):
+    folder, _, _ = exported
+    bundle = load_bundle(folder)
+    for n in (1, 5):
+        x = np.zeros((n, 40, 3))
+        assert bundle.heading.run(None, {"rate": x})[0].shape[0] == n
+        t = np.full(n, 7)
+        assert bundle.denoiser.run(None, {"x": x.astype(np.float32), "t": t})[0].shape == (n, 40, 3)
+
+
+def test_a_bundle_read_again_is_the_same(exported, tmp_path):
+    folder, _, heading = exported
+    bundle = read_bundle(folder)
+    assert Bundle.model_validate_json(bundle.to_json()) == bundle
+    assert Settings.model_validate(bundle.training) == heading.settings
+    assert bundle.domain.latitude_deg == pytest.approx(32.11)
+    assert np.radians(bundle.domain.noise_deg_s) == pytest.approx(NOISE, rel=0.2)
+    shutil.copytree(folder, tmp_path / "copy")
+    gyro = windows(5, 40).gyro_l
+    assert np.array_equal(run(load_bundle(tmp_path / "copy"), gyro), run(load_bundle(folder), gyro))
+    card = (folder / "README.md").read_text()
+    assert f"layout `{bundle.layout}`" in card
+    assert "validation (4 recordings)" in card
+    assert "test (4 recordings)" in card
+
+
+def test_the_last_window_of_a_longer_recording_is_used(exported):
+    folder, _, _ = exported
+    bundle, gyro = load_bundle(folder), windows(3, 60).gyro_l
+    assert np.array_equal(run(bundle, gyro), run(bundle, gyro[:, -40:]))
+    assert run(bundle, gyro[:0]).shape == (0,)
+    with pytest.raises(InputError, match=r"\(n, 40 or more, 3\)"):
+        run(bundle, gyro[:, :39])
+
+
+@pytest.mark.parametrize(
+    "sampler",
+    [{"kind": "ddim", "t_back": 0, "jumps": 1, "start": "matched"}, {"t_back": 990, "jumps": 2, "noise": False}],
+)
+def test_other_samplers_agree_with_pytorch_too(tmp_path, sampler):
+    denoiser, heading, data = made("flattened", "cos_sin", **sampler)
+    export_bundle(tmp_path / "b", denoiser=denoiser, heading=heading, data=data)
+    bundle, gyro = load_bundle(tmp_path / "b"), windows(20, 40, seed=5).gyro_l
+    assert bundle.info.denoiser.sampler == Sampler(**sampler)
+    assert np.abs(np.degrees(angle_error(run(bundle, gyro), heading.headings(gyro)))).max() < 1e-4
+
+
+def test_across_batch_is_never_exported(tmp_path):
+    denoiser, heading, data = made("across_batch", "degrees", t_back=998)
+    with pytest.raises(InputError, match="depends on the others beside it"):
+        export_bundle(tmp_path / "b", denoiser=denoiser, heading=heading, data=data)
+    assert not (tmp_path / "b").exists()
+
+
+def test_a_denoiser_alone_gives_no_heading(tmp_path):
+    denoiser, _, _ = made("flattened", "degrees", t_back=998)
+    info = export_bundle(tmp_path / "b", denoiser=denoiser)
+    with pytest.raises(InputError, match="denoiser only"):
+        run(load_bundle(tmp_path / "b"), np.zeros((1, 40, 3)))
+    assert "denoiser only" in mismatch(info, RecordingFacts(600, 100))[0].message
+
+
+def test_a_folder_of_something_else_is_not_replaced(tmp_path):
+    denoiser, _, _ = made("flattened", "degrees", t_back=998)
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="not empty and not a bundle"):
+        export_bundle(tmp_path, denoiser=denoiser)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_damaged_bundles_are_refused_by_name(exported, tmp_path):
+    folder = tmp_path / "b"
+    with pytest.raises(InputError, match=r"no bundle\.json"):
+        load_bundle(folder)
+    shutil.copytree(exported[0], folder)
+    whole = json.loads((folder / "bundle.json").read_text())
+    for change, message in [
+        ({"schema": "gyronorth.bundle/9"}, "schema"),
+        ({"layout": "across_batch"}, "layout"),
+        ({"surprise": 1}, "surprise"),
+        ({"heading": {**whole["heading"], "file": "../heading.onnx"}}, "in the bundle's own folder"),
+    ]:
+        (folder / "bundle.json").write_text(json.dumps({**whole, **change}))
+        with pytest.raises(InputError, match=message):
+            load_bundle(folder)
+    (folder / "bundle.json").write_text("{")
+    with pytest.raises(InputError, match=r"bundle\.json"):
+        load_bundle(folder)
+    (folder / "bundle.json").write_text(json.dumps(whole))
+    with open(folder / "heading.onnx", "ab") as handle:
+        handle.write(b"\0")
+    with pytest.raises(InputError, match="does not match its checksum"):
+        load_bundle(folder)
+
+
+def test_a_fast_recording_is_averaged_down_and_judged(exported):
+    pytest.importorskip("gyronorth.conditioning", reason="decimation is in gyronorth.conditioning")
+    bundle, slow = load_bundle(exported[0]), windows(1, 45, seed=8).gyro_l[0]
+    fast = np.repeat(slow, 200, axis=0)  # 600 Hz, constant within a sample of 3 Hz
+    assert_allclose(last_window(bundle, fast, rate_hz=600.0), slow[-40:], atol=1e-15)
+    facts = {"rate_hz": 600.0, "latitude": LATITUDE, "sensor": "sdc500"}
+    assert misfits(bundle, fast, **facts) == []
+    (found,) = misfits(bundle, 10 * fast, **facts)
+    assert "noise" in found.message
+    assert "shorter" in misfits(bundle, fast[:100], **facts)[0].message
+
+
+def test_decode_by_hand():
+    assert_allclose(np.degrees(decode(np.array([[-10.0], [365.0], [720.0]]), "degrees")), [350, 5, 0], atol=1e-12)
+    assert_allclose(np.degrees(decode(np.array([[0.0, -2.0], [3.0, 0.0]]), "cos_sin")), [270, 0], atol=1e-12)
+
+
+DOMAIN = Domain(rate_hz=3.0, samples=300, latitude_deg=32.11, sensor="sdc500", noise_deg_s=5.8e-4)
+FITS = {"rate_hz": 600.0, "duration": 100.0, "latitude": LATITUDE, "sensor": "SDC500", "noise": NOISE}
+
+
+@pytest.mark.parametrize(
+    ("change", "message", "value", "limit"),
+    [
+        ({"rate_hz": 2.0}, "rate of 2 Hz is below", 2.0, 3.0),
+        ({"duration": 99.9}, "shorter than the bundle's window of 100 s", 99.9, 100.0),
+        ({"latitude": radians(35)}, "latitude of 35.00 deg", 35.0, 32.11),
+        ({"latitude": -LATITUDE}, "latitude of -32.11 deg", -32.11, 32.11),
+        ({"sensor": "stim300"}, "sensor is stim300", None, None),
+        ({"noise": 4 * NOISE}, "noise", np.degrees(4 * NOISE), 5.8e-4),
+        ({"noise": NOISE / 4}, "noise", np.degrees(NOISE / 4), 5.8e-4),
+    ],
+)
+def test_every_mismatch_is_named_with_value_and_limit(change, message, value, limit):
+    bundle = Bundle.model_validate(
+        {"method": "paper", "layout": "flattened", "domain": DOMAIN, "heading": {"sha256": "0"}}
+    )
+    assert mismatch(bundle, RecordingFacts(**FITS)) == []
+    (found,) = mismatch(bundle, RecordingFacts(**{**FITS, **change}))
+    assert message in found.message
+    assert found.value == (None if value is None else pytest.approx(value))
+    assert found.limit == limit
+
+
+def test_what_is_not_known_is_not_judged():
+    anything = Bundle.model_validate(
+        {
+            "method": "baseline",
+            "layout": "temporal",
+            "domain": {"rate_hz": 3, "samples": 300},
+            "heading": {"sha256": "0"},
+        }
+    )
+    assert mismatch(anything, RecordingFacts(**FITS)) == []
+    assert mismatch(anything, RecordingFacts(3.0, 100.0)) == []
