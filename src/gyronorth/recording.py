@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+#: Sample rates outside these bounds, Hz, are taken for a mistake (milliseconds for seconds, a damaged field).
+SLOWEST_RATE_HZ = 1e-3
+FASTEST_RATE_HZ = 1e6
 
 
 class InputError(ValueError):
@@ -24,13 +30,24 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class Note:
+    """A remark of the reader, shown to the user as a warning with its code."""
+
+    code: str  # axes_suspect, rows_dropped, gaps_bridged, time_jitter
+    message: str
+    value: float | None = None  # the measured figure, in the unit that the message names
+    limit: float | None = None  # the limit beside it
+
+
+@dataclass(frozen=True, eq=False)
 class Recording:
     """Angular rate and specific force on a uniform time grid.
 
     Raises
     ------
     InputError
-        If an array is not (n, 3) and finite, or the rate is not positive.
+        If an array is not (n, 3) and finite, or the rate, the latitude, the true
+        heading or the start time makes no sense.
     """
 
     gyro_b: NDArray[np.float64]  # (n, 3) angular rate in the body frame, rad/s
@@ -43,22 +60,27 @@ class Recording:
     source: str = ""  # file name, for messages and reports
     rows_dropped: int = 0  # rows left out on the user's request
     gaps: tuple[Gap, ...] = ()  # bridged gaps
-    notes: tuple[str, ...] = ()  # remarks of the reader, shown as warnings
+    notes: tuple[Note, ...] = ()  # remarks of the reader, shown as warnings
 
     def __post_init__(self) -> None:
         for name in ("gyro_b", "accel_b"):
-            value = getattr(self, name)
-            if value is None:
-                continue
-            if value.ndim != 2 or value.shape[1] != 3 or len(value) == 0:
-                raise InputError(f"{name} has shape {value.shape}; (n, 3) with n > 0 is expected.")
-            if not np.isfinite(value).all():
-                row = int(np.flatnonzero(~np.isfinite(value).all(axis=1))[0])
-                raise InputError(f"{name} is not finite at sample {row}: {value[row]}.")
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _checked_samples(name, getattr(self, name)))
         if self.accel_b is not None and len(self.accel_b) != len(self.gyro_b):
             raise InputError(f"accel_b has {len(self.accel_b)} samples, gyro_b {len(self.gyro_b)}; they must match.")
-        if not (np.isfinite(self.rate_hz) and self.rate_hz > 0):
-            raise InputError(f"rate_hz is {self.rate_hz}; a positive sample rate in Hz is expected.")
+        if not SLOWEST_RATE_HZ <= self.rate_hz <= FASTEST_RATE_HZ:
+            raise InputError(
+                f"rate_hz is {self.rate_hz:g}; a sample rate of {SLOWEST_RATE_HZ:g} to {FASTEST_RATE_HZ:g} Hz "
+                "is expected."
+            )
+        if self.latitude is not None and not abs(self.latitude) <= np.pi / 2:
+            raise InputError(
+                f"The latitude is {np.degrees(self.latitude):g} deg; -90 to 90 deg (in rad inside) is expected."
+            )
+        if self.heading_true is not None and not np.isfinite(self.heading_true):
+            raise InputError(f"heading_true is {self.heading_true}; a finite angle in rad is expected.")
+        if self.start_time_utc is not None:
+            _parse_utc(self.start_time_utc)
 
     @property
     def duration(self) -> float:
@@ -66,22 +88,22 @@ class Recording:
         return len(self.gyro_b) / self.rate_hz
 
     def window(self, start: float, end: float) -> Recording:
-        """The samples in [start, end) s, the time and the truth kept in step."""
-        first, last = round(start * self.rate_hz), round(end * self.rate_hz)
-        if not 0 <= first < last <= len(self.gyro_b):
-            raise InputError(
-                f"Window {start:g}:{end:g} s does not fit a recording of {self.duration:g} s. "
-                f"Give START:END in seconds with 0 <= START < END <= {self.duration:g}."
-            )
-        gaps = tuple(
-            replace(gap, start=gap.start - start) for gap in self.gaps if start <= gap.start < end
-        )
+        """The samples in [start, end) s, the start time and the gaps kept in step.
+
+        `heading_true` is kept: it stays the truth as long as the sensor does not turn
+        between `end` and the end of the recording.
+        """
+        first, last = window_samples(start, end, rate_hz=self.rate_hz, samples=len(self.gyro_b))
+        length = (last - first) / self.rate_hz
+        gaps = tuple(gap for gap in (_clipped(gap, start, length, self.rate_hz) for gap in self.gaps) if gap.samples)
+        notes = tuple(note for note in self.notes if note.code != "gaps_bridged")
         return replace(
             self,
             gyro_b=self.gyro_b[first:last],
             accel_b=None if self.accel_b is None else self.accel_b[first:last],
-            start_time_utc=_shift_utc(self.start_time_utc, first / self.rate_hz),
+            start_time_utc=shift_utc(self.start_time_utc, first / self.rate_hz),
             gaps=gaps,
+            notes=notes + gap_notes(gaps, samples=last - first),
         )
 
     def rotated(self, mat: ArrayLike) -> Recording:
@@ -95,10 +117,71 @@ class Recording:
         return replace(self, gyro_b=self.gyro_b - np.asarray(gyro_bias_b, dtype=float))
 
 
-def _shift_utc(start_time_utc: str | None, seconds: float) -> str | None:
+def window_samples(start: float, end: float, *, rate_hz: float, samples: int) -> tuple[int, int]:
+    """First sample and one past the last of the window [start, end) s."""
+    duration = samples / rate_hz
+    if 0 <= start < end <= duration + 0.5 / rate_hz:
+        first, last = round(start * rate_hz), min(round(end * rate_hz), samples)
+        if first < last:
+            return first, last
+    raise InputError(
+        f"Window {start:g}:{end:g} s does not fit a recording of {duration:g} s. "
+        f"Give START:END in seconds with 0 <= START < END <= {duration:g}, at least one sample apart."
+    )
+
+
+def gap_notes(gaps: Sequence[Gap], *, samples: int) -> tuple[Note, ...]:
+    """The warning that `gaps` deserve in a recording of `samples` samples: none or one note."""
+    missing = sum(gap.samples for gap in gaps)
+    if missing == 0:
+        return ()
+    longest = max(gaps, key=lambda gap: gap.samples)
+    return (
+        Note(
+            "gaps_bridged",
+            f"{missing} of {samples} samples were missing in {len(gaps)} gap(s) and are bridged by straight lines; "
+            f"the longest, of {longest.samples} samples, begins at {longest.start:g} s.",
+            value=missing / samples,
+        ),
+    )
+
+
+def shift_utc(start_time_utc: str | None, seconds: float) -> str | None:
+    """An ISO 8601 time moved by `seconds`; None stays None."""
     if start_time_utc is None:
         return None
-    from datetime import datetime, timedelta
-
-    moment = datetime.fromisoformat(start_time_utc.replace("Z", "+00:00")) + timedelta(seconds=seconds)
+    try:
+        moment = _parse_utc(start_time_utc) + timedelta(seconds=seconds)
+    except OverflowError:
+        raise InputError(f"start_time_utc {start_time_utc!r} plus {seconds:g} s leaves the calendar.") from None
     return moment.isoformat().replace("+00:00", "Z")
+
+
+def _parse_utc(text: str) -> datetime:
+    try:
+        moment = datetime.fromisoformat(text)
+        return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    except (ValueError, OverflowError, TypeError):
+        raise InputError(
+            f"start_time_utc is {text!r}; an ISO 8601 time such as 2024-05-01T12:00:00Z is expected."
+        ) from None
+
+
+def _checked_samples(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    try:
+        samples = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is not an array of numbers; shape (n, 3) is expected.") from None
+    if samples.ndim != 2 or samples.shape[1] != 3 or len(samples) == 0:
+        raise InputError(f"{name} has shape {samples.shape}; (n, 3) with n > 0 is expected.")
+    if not np.isfinite(samples).all():
+        row = int(np.flatnonzero(~np.isfinite(samples).all(axis=1))[0])
+        raise InputError(f"{name} is not finite at sample {row}: {samples[row]}.")
+    return samples
+
+
+def _clipped(gap: Gap, start: float, length: float, rate_hz: float) -> Gap:
+    """The part of `gap` inside the window that begins at `start` and lasts `length` s."""
+    begin = max(gap.start - start, 0.0)
+    end = min(gap.start + gap.samples / rate_hz - start, length)
+    return Gap(begin, max(0, round((end - begin) * rate_hz)))

@@ -1,0 +1,80 @@
+# Two targets are all that a newcomer needs, and each builds .venv by itself:
+#   make demo   a heading from the shipped recording, report in out/ (small install, no PyTorch)
+#   make test   all extras, then every test
+# Another interpreter: make demo PYTHON=python3.12
+
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+EXTRAS := learned,train,io,live,scale,dev
+DEMO := examples/data/demo.npz
+# The limit of the small install, in MB (`make demo` on its own, before `make test`).
+DEMO_SIZE_LIMIT := 450
+
+.DELETE_ON_ERROR:
+.PHONY: demo test fast check examples docs readme demo-recording size audit constraints clean
+
+demo: .venv/.demo
+	@mkdir -p out
+	$(BIN)/gyronorth heading $(DEMO) --sensor sdc500 --plot out/demo.png --report out/demo.html
+	@echo "The report is in out/demo.html"
+
+test: .venv/.all
+	$(BIN)/python -m pytest -n 2
+
+# What the two-minute loop of development runs.
+fast: .venv/.all
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+# The hooks of .pre-commit-config.yaml on every file: the same list at a commit and in CI.
+check: .venv/.all
+	$(BIN)/pre-commit run --all-files --show-diff-on-failure
+
+examples: .venv/.all
+	@mkdir -p out
+	@for example in examples/[0-9]*.py; do echo "--- $$example"; $(BIN)/python $$example || exit 1; done
+
+docs: .venv/.all
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# The table, the picture and the demo's answer in README.md, from their seeds.
+readme: .venv/.all
+	$(BIN)/python docs/make_readme.py
+
+demo-recording: .venv/.demo
+	$(BIN)/gyronorth simulate --sensor sdc500 --latitude 32.11 --heading 40 --roll 1.5 --pitch -0.8 \
+		--duration 100 --rate 50 --seed 1 -o $(DEMO)
+
+# Meaningful after `make demo` alone: once the test extras are in, there is nothing to check.
+size:
+	@if [ -e .venv/.all ]; then echo "size: skipped, all extras are installed"; else \
+	size=$$(du -sm .venv | cut -f1); echo "size of .venv: $$size MB, limit $(DEMO_SIZE_LIMIT) MB"; \
+	[ "$$size" -le $(DEMO_SIZE_LIMIT) ]; fi
+
+# Known vulnerabilities of the pinned packages. Needs a vulnerability service on the network, so CI does not run it.
+audit: .venv/.all
+	$(BIN)/pip-audit --requirement constraints.txt --no-deps --disable-pip
+
+# New pins: everything resolved afresh in a throw-away environment.
+constraints:
+	rm -rf out/constraints-venv && mkdir -p out && $(PYTHON) -m venv out/constraints-venv
+	out/constraints-venv/bin/pip install --quiet hatchling editables "torch==2.13.0" ".[$(EXTRAS)]"
+	(sed '/^#/!d' constraints.txt; out/constraints-venv/bin/pip freeze --exclude gyronorth | sed 's/+cpu$$//') > out/constraints.txt
+	mv out/constraints.txt constraints.txt && rm -rf out/constraints-venv
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; give one with PYTHON=..., found " + sys.version)'
+	$(PYTHON) -m venv .venv
+
+# --no-compile: Python compiles what it imports; compiling everything costs 96 MB.
+.venv/.demo: pyproject.toml constraints.txt | .venv/bin/python
+	$(PIP) --no-compile hatchling editables
+	$(PIP) --no-compile --no-build-isolation --editable ".[learned]"
+	@touch $@
+
+.venv/.all: .venv/.demo
+	$(PIP) --no-build-isolation --editable ".[$(EXTRAS)]"
+	@touch $@
+
+clean:
+	rm -rf .venv out site dist build

@@ -1,0 +1,1 @@
+"""Results in; text, tables, sentences, figures and HTML out. Degrees appear here, physics does not."""

@@ -1,0 +1,102 @@
+"""One heading as one self-contained HTML page: verdict, figures, parts of sigma, inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from math import cos, radians, sin
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import EARTH_RATE
+from gyronorth.report.figures import convergence_figure, svg_text
+from gyronorth.report.tables import Outcome
+from gyronorth.report.wording import heading_text, interval_text, number_text, part_name, plain_text, verdict_text
+
+if TYPE_CHECKING:
+    from gyronorth.allan import AllanDeviation
+    from gyronorth.pipeline import Convergence
+
+
+def heading_page(
+    outcome: Outcome,
+    convergence: Convergence,
+    *,
+    deviation: AllanDeviation | None = None,
+    inputs: Sequence[tuple[str, str]] = (),
+) -> str:
+    """The page as text: no script, no external resource, light and dark, readable on a phone.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        The estimate, the file it comes from and the truth if the file knows it.
+    convergence : Convergence
+        Heading against time, for the figure.
+    deviation : AllanDeviation, optional
+        Of the gyro; left out for records that are too short.
+    inputs : sequence of (str, str)
+        What the user gave, as (name, value).
+    """
+    estimate = outcome.estimate
+    if estimate is None:
+        raise ValueError(f"{outcome.file} has no estimate to report: {outcome.message}")
+    doc = estimate.to_json()
+    true_deg, error_deg = outcome.truth_deg()
+    figure = convergence_figure(convergence, estimate, heading_true=outcome.heading_true)
+    return _environment().get_template("heading.html.jinja").render(
+        doc=doc,
+        file=outcome.file,
+        verdict=verdict_text(doc),
+        interval=interval_text(doc["interval95_deg"], unit="°"),
+        true_deg=true_deg,
+        error_deg=error_deg,
+        bars=_bars(doc),
+        dial=_dial(doc),
+        convergence_svg=svg_text(figure, salt="convergence"),
+        allan_svg=None if deviation is None else "",
+        inputs=inputs,
+        earth_rate_deg_h=EARTH_RATE / DEG_PER_HOUR,
+        written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        version=version("gyronorth"),
+    )
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("gyronorth.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": number_text, "heading": heading_text, "part": part_name, "plain": plain_text}
+    return environment
+
+
+def _bars(doc: dict[str, Any]) -> list[dict[str, Any]]:
+    """The parts of sigma and their total, each with its length in per cent of the longest."""
+    rows = [{"name": part_name(part), "value": value} for part, value in doc["sigma_parts_deg"].items()]
+    rows.sort(key=lambda row: -(row["value"] or 0))
+    rows.append({"name": "together", "value": doc["sigma_deg"]})
+    longest = max((row["value"] or 0 for row in rows), default=0) or 1
+    return [row | {"percent": 100 * (row["value"] or 0) / longest} for row in rows]
+
+
+def _dial(doc: dict[str, Any]) -> dict[str, Any]:
+    """A compass card: path of the 95 % sector and the tip of the needle on a circle of radius 80."""
+    low, high = doc["interval95_deg"]
+    width = 360 if high - low >= 360 else (high - low) % 360
+    start, end = _on_circle(low, 80), _on_circle(low + width, 80)
+    sector = f"M0 0 L{start} A80 80 0 {int(width > 180)} 1 {end} Z"
+    needle = None if doc["heading_deg"] is None else _on_circle(doc["heading_deg"], 74)
+    ticks = [(_on_circle(angle, 80), _on_circle(angle, 72 if angle % 90 else 68)) for angle in range(0, 360, 30)]
+    return {"whole": width >= 360, "sector": sector, "needle": needle, "ticks": ticks}
+
+
+def _on_circle(heading_deg: float, radius: float) -> str:
+    """A point of the card in SVG coordinates: north up, clockwise."""
+    return f"{radius * sin(radians(heading_deg)):.2f} {-radius * cos(radians(heading_deg)):.2f}"

@@ -1,0 +1,55 @@
+"""NMEA 0183 sentences of a heading: HEHDT, and a status sentence that says whether it may be used.
+
+The status sentence is proprietary::
+
+    $PGNRS,status,heading,sigma,low,high,method,count,reasons*hh
+
+    status   A the heading is valid; V it is not, and HEHDT carries no number
+    heading  degrees true, xxx.x; empty when none could be computed
+    sigma    one standard deviation, degrees; empty when unknown
+    low,high the 95 % interval, degrees true, clockwise from low to high
+    method   mean, inertial, ...
+    count    number of reasons for which the heading is not valid
+    reasons  their codes joined by ";", as many as fit in the 82 characters of a sentence
+    hh       exclusive or of the characters between $ and *, hexadecimal
+
+A listener that reads only HEHDT sees an empty field while the heading is not valid, never a
+number that must not be used. Sentences end with carriage return and line feed.
+"""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import TYPE_CHECKING
+
+from gyronorth.report.wording import heading_text
+
+if TYPE_CHECKING:
+    from gyronorth.pipeline import HeadingEstimate
+
+#: Longest sentence, from $ to line feed: IEC 61162-1 (2010), 7.2.1.
+LONGEST = 82
+
+
+def sentences(estimate: HeadingEstimate) -> tuple[str, str]:
+    """HEHDT and the status sentence, each with checksum and line end."""
+    doc = estimate.to_json()
+    heading = "" if doc["heading_deg"] is None else heading_text(doc["heading_deg"], decimals=1, width=5)
+    low, high = (heading_text(limit, decimals=1, width=5, full_turn=True) for limit in doc["interval95_deg"])
+    sigma = "" if doc["sigma_deg"] is None else f"{doc['sigma_deg']:.2f}"
+    codes = [reason["code"] for reason in doc["reasons"]]
+    status = ",".join(["PGNRS", "A" if doc["valid"] else "V", heading, sigma, low, high, doc["method"], str(len(codes))])
+    return sentence(f"HEHDT,{heading if doc['valid'] else ''},T"), sentence(_with_reasons(status, codes))
+
+
+def sentence(body: str) -> str:
+    """`body` between $ and its checksum, with the line end."""
+    checksum = reduce(lambda total, byte: total ^ byte, body.encode("ascii"), 0)
+    return f"${body}*{checksum:02X}\r\n"
+
+
+def _with_reasons(status: str, codes: list[str]) -> str:
+    """The status and as many codes as the longest sentence allows."""
+    while codes and len(sentence(f"{status},{';'.join(codes)}")) > LONGEST:
+        codes = codes[:-1]
+    return f"{status},{';'.join(codes)}"

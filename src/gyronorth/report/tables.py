@@ -1,0 +1,98 @@
+"""Headings as rows of a CSV table, one per recording, in degrees."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gyronorth.report.writing import written_beside
+
+if TYPE_CHECKING:
+    from gyronorth.pipeline import HeadingEstimate
+
+#: Columns of the table; a field without a value is empty.
+COLUMNS = (
+    "file",
+    "heading_deg",
+    "sigma_deg",
+    "low_deg",
+    "high_deg",
+    "valid",
+    "reasons",
+    "warnings",
+    "method",
+    "roll_deg",
+    "pitch_deg",
+    "latitude_deg",
+    "sensor",
+    "duration_s",
+    "rate_hz",
+    "rate_norm_deg_h",
+    "implied_latitude_deg",
+    "heading_true_deg",
+    "error_deg",
+    "message",
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one file: an estimate, or the message why it could not be read."""
+
+    file: str
+    estimate: HeadingEstimate | None = None
+    message: str = ""
+    heading_true: float | None = None  # rad, when the file knows it
+
+    def document(self) -> dict[str, Any]:
+        """One object of the JSON array of a folder: the heading's fields and `file`, or `file` and `error`."""
+        if self.estimate is None:
+            return {"file": self.file, "error": self.message}
+        return {"file": self.file, **self.estimate.to_json()}
+
+    def row(self) -> dict[str, Any]:
+        """One row of the CSV table."""
+        if self.estimate is None:
+            return {"file": self.file, "valid": "false", "message": self.message}
+        doc = self.estimate.to_json()
+        low, high = doc["interval95_deg"]
+        true_deg, error_deg = self.truth_deg()
+        return {column: doc.get(column) for column in COLUMNS} | {
+            "file": self.file,
+            "low_deg": low,
+            "high_deg": high,
+            "valid": str(doc["valid"]).lower(),
+            "reasons": ";".join(finding["code"] for finding in doc["reasons"]),
+            "warnings": ";".join(finding["code"] for finding in doc["warnings"]),
+            "heading_true_deg": true_deg,
+            "error_deg": error_deg,
+        }
+
+    def truth_deg(self) -> tuple[float | None, float | None]:
+        """The heading the file knows and the signed error of the estimate, degrees."""
+        from math import degrees
+
+        from gyronorth.angles import angle_error
+
+        if self.heading_true is None:
+            return None, None
+        true_deg = degrees(self.heading_true)
+        if self.estimate is None or self.estimate.heading is None:
+            return true_deg, None
+        return true_deg, degrees(float(angle_error(self.estimate.heading, self.heading_true)))
+
+
+def write_csv(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Write one row per outcome under the header `COLUMNS`."""
+    write_rows([outcome.row() for outcome in outcomes], COLUMNS, path)
+
+
+def write_rows(rows: Iterable[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
+    """Write rows as CSV (RFC 4180 quoting, UTF-8, plain line feeds)."""
+    with written_beside(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns, lineterminator="\n", restval="")
+        writer.writeheader()
+        writer.writerows(rows)

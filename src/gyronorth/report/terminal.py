@@ -1,0 +1,79 @@
+"""Results on the terminal: a panel or table for people, plain lines when the output is piped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TextIO
+
+from gyronorth.report.tables import Outcome
+from gyronorth.report.wording import heading_lines, heading_text, interval_text, number_text, verdict_text
+
+#: Style of the terminal for the labels of `heading_lines` that stand out.
+STYLES = {"reason": "red", "warning": "yellow", "heading": "bold", "verdict": "bold"}
+
+
+def print_heading(outcome: Outcome, stream: TextIO) -> None:
+    """Print one estimate: a panel on a terminal, else plain `label  text` lines."""
+    lines = heading_lines(outcome)
+    if not stream.isatty():
+        print_lines(lines, stream)
+        return
+    from rich.console import Console
+    from rich.panel import Panel
+    from rich.table import Table
+    from rich.text import Text
+
+    valid = outcome.estimate is not None and outcome.estimate.valid
+    colour = "green" if valid else "red"
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for label, text in lines:
+        style = STYLES.get(label, "")
+        grid.add_row(label, Text(text, style=f"bold {colour}" if label == "verdict" else style))
+    Console(file=stream).print(Panel(grid, title="true north", border_style=colour, expand=False))
+
+
+def print_lines(lines: Sequence[tuple[str, str]], stream: TextIO) -> None:
+    """Print (label, text) pairs as aligned plain text."""
+    width = max(len(label) for label, _ in lines)
+    stream.writelines(f"{label:<{width}}  {text}".rstrip() + "\n" for label, text in lines)
+
+
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], stream: TextIO, *, title: str = "") -> None:
+    """Print rows of text as columns: ruled on a terminal, else aligned plain text."""
+    if stream.isatty():
+        from rich.console import Console
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(*header, title=title or None, title_justify="left")
+        for row in rows:
+            table.add_row(*(Text(cell) for cell in row))
+        Console(file=stream).print(table)
+        return
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    for row in (header, *rows):
+        cells = (f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
+        stream.write("  ".join(cells).rstrip() + "\n")
+
+
+def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
+    """Print one row per file: heading, sigma, interval, and the verdict or the error."""
+    rows = []
+    for outcome in outcomes:
+        if outcome.estimate is None:
+            rows.append((outcome.file, "", "", "", f"error: {outcome.message}"))
+            continue
+        doc = outcome.document()
+        codes = ", ".join(finding["code"] for finding in doc["reasons"])
+        rows.append(
+            (
+                outcome.file,
+                "" if doc["heading_deg"] is None else heading_text(doc["heading_deg"]),
+                number_text(doc["sigma_deg"]),
+                interval_text(doc["interval95_deg"]),
+                "valid" if doc["valid"] else f"{verdict_text(doc)} ({codes})",
+            )
+        )
+    print_table(("file", "heading (deg)", "sigma (deg)", "95 % interval", "verdict"), rows, stream)

@@ -1,0 +1,104 @@
+"""Numbers and verdicts in the reader's words: degrees that wrap at north, signs, two figures of a sigma."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import EARTH_RATE
+
+if TYPE_CHECKING:
+    from gyronorth.report.tables import Outcome
+
+
+def heading_text(heading_deg: float, *, decimals: int = 2, width: int = 0, full_turn: bool = False) -> str:
+    """A heading in [0, 360) as text: 359.999 is 0.00, never 360.00.
+
+    With `full_turn`, exactly 360 stays 360: the upper end of the interval that holds every heading.
+    """
+    if not (full_turn and heading_deg == 360):
+        heading_deg = round(heading_deg % 360, decimals) % 360
+    return f"{heading_deg:0{width}.{decimals}f}"
+
+
+def interval_text(interval_deg: list[float], *, unit: str = " deg") -> str:
+    """The 95 % interval in words; clockwise, so the first limit may be the larger."""
+    low, high = interval_deg
+    if high - low >= 360:
+        return "any heading"
+    crossing = ", through north" if low > high else ""
+    return f"{heading_text(low)} to {heading_text(high)}{unit}{crossing}"
+
+
+def number_text(value: float | None, *, decimals: int = 2, unit: str = "") -> str:
+    """A number with its unit, or "unknown"; small numbers keep two figures, and there is no -0.00."""
+    if value is None:
+        return "unknown"
+    if value != 0 and abs(value) < 10.0**-decimals:
+        text = f"{value:.2g}"
+    else:
+        text = f"{value:.{decimals}f}"
+    return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
+
+
+def plain_text(value: float | None) -> str:
+    """A number of unknown size with four figures, empty where there is none."""
+    return "" if value is None else f"{value:.4g}"
+
+
+def finding_text(finding: dict[str, Any]) -> str:
+    """A reason or warning on one line, the measured value beside its limit where it has them."""
+    numbers = [f"{name} {finding[key]:.4g}" for key, name in (("value", "measured"), ("limit", "limit")) if finding[key] is not None]
+    return f"{finding['code']}: {finding['message']}" + (f" [{', '.join(numbers)}]" if numbers else "")
+
+
+def verdict_text(doc: dict[str, Any]) -> str:
+    """Whether the heading may be used, in one sentence."""
+    if doc["valid"]:
+        return "valid"
+    if doc["heading_deg"] is None:
+        return "refused: no heading could be computed"
+    return "refused: do not use this heading"
+
+
+def part_name(part: str) -> str:
+    """A part of sigma in words: turn_on_bias is "turn-on bias"."""
+    return part.replace("turn_on", "turn-on").replace("_", " ")
+
+
+def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
+    """The estimate of `outcome` as (label, text), what matters most first."""
+    doc = outcome.document()
+    refused = "" if doc["valid"] or doc["heading_deg"] is None else " (refused)"
+    heading = "none" if doc["heading_deg"] is None else f"{heading_text(doc['heading_deg'])} deg{refused}"
+    lines = [
+        ("verdict", verdict_text(doc)),
+        ("heading", heading),
+        ("sigma", number_text(doc["sigma_deg"], unit="deg")),
+        ("95 % interval", interval_text(doc["interval95_deg"])),
+    ]
+    lines += [("reason", finding_text(finding)) for finding in doc["reasons"]]
+    lines += [("warning", finding_text(finding)) for finding in doc["warnings"]]
+    true_deg, error_deg = outcome.truth_deg()
+    if true_deg is not None:
+        lines.append(("truth in the file", f"{heading_text(true_deg)} deg, error {number_text(error_deg, unit='deg')}"))
+    lines.append(("method", f"{doc['method']} ({doc['method_reason']})"))
+    if doc["bundle"] is not None:
+        lines.append(("bundle", doc["bundle"]))
+    parts = [f"{part_name(part)} {number_text(value)}" for part, value in doc["sigma_parts_deg"].items()]
+    lines.append(("parts of sigma", f"{', '.join(parts)} deg" if parts else "unknown"))
+    lines.append(("roll, pitch", f"{number_text(doc['roll_deg'])}, {number_text(doc['pitch_deg'])} deg"))
+    mean = ", ".join(number_text(value) for value in doc["rate_mean_deg_h"])
+    norm = number_text(doc["rate_norm_deg_h"], unit="deg/h")
+    lines.append(("mean rate", f"{mean} deg/h; norm {norm}, Earth {EARTH_RATE / DEG_PER_HOUR:.2f}"))
+    implied = number_text(doc["implied_latitude_deg"], decimals=1, unit="deg")
+    lines.append(("latitude", f"{number_text(doc['latitude_deg'], decimals=4)} deg; implied by the rate {implied}"))
+    if doc["gyro_bias_deg_h"] is not None:
+        bias = ", ".join(number_text(value) for value in doc["gyro_bias_deg_h"])
+        lines.append(("gyro bias", f"{bias} deg/h"))
+    if len(doc["poses"]) > 1:
+        lines += [("pose", f"{pose['start_s']:g} to {pose['end_s']:g} s: {heading_text(pose['heading_deg'])} deg") for pose in doc["poses"]]
+    recording = f"{outcome.file}, {doc['duration_s']:g} s at {doc['rate_hz']:g} Hz"
+    lines.append(("recording", recording if doc["end_time_utc"] is None else f"{recording}, ends {doc['end_time_utc']}"))
+    lines.append(("sensor", doc["sensor"] or "no profile given"))
+    return lines

@@ -1,0 +1,79 @@
+"""What an import loads, which way imports go, and the sizes of the house."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCES = sorted((ROOT / "src").rglob("*.py"))
+HEAVY = {"torch", "scipy", "onnxruntime", "matplotlib", "pandas"}
+#: Lines of a file and parameters of a public function: where the house rules say stop.
+FILE_LIMIT, PARAMETER_LIMIT = 600, 8
+
+HELP = """
+import sys
+from gyronorth.cli import main
+sys.argv = ["gyronorth", "--help"]
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+"""
+
+
+def loaded_by(code: str) -> set[str]:
+    """Top-level modules that a fresh interpreter holds after `code`."""
+    code += "\nimport sys; print('MODULES', *{name.partition('.')[0] for name in sys.modules})"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    return set(run.stdout.rpartition("MODULES")[2].split())
+
+
+@pytest.mark.parametrize("code", ["import gyronorth", HELP], ids=["import", "help"])
+def test_start_up_loads_nothing_heavy(code):
+    modules = loaded_by(code)
+    assert "gyronorth" in modules
+    assert not modules & HEAVY
+
+
+def test_the_probe_sees_a_heavy_import():
+    assert "scipy" in loaded_by("import scipy.stats")
+
+
+def test_every_public_name_resolves_and_none_is_a_submodule():
+    import gyronorth
+
+    submodules = {path.stem for path in (ROOT / "src/gyronorth").iterdir()} - {"__init__", "__pycache__"}
+    assert not submodules & set(gyronorth.__all__)
+    for name in gyronorth.__all__:
+        assert getattr(gyronorth, name) is not None
+    assert set(gyronorth.__all__) <= set(dir(gyronorth))
+
+
+def test_imports_go_one_way(monkeypatch):
+    from importlinter.cli import lint_imports
+
+    monkeypatch.chdir(ROOT)
+    assert lint_imports(config_filename="pyproject.toml") == 0
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_sizes(path):
+    text = path.read_text()
+    assert len(text.splitlines()) <= FILE_LIMIT
+    for node in ast.walk(ast.parse(text)):
+        # The command line's functions list one parameter for each option.
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_") and not is_command(node):
+            arguments = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            count = len([name for name in arguments if name not in ("self", "cls")])
+            assert count <= PARAMETER_LIMIT, f"{node.name} has {count} parameters"
+
+
+def is_command(node: ast.FunctionDef) -> bool:
+    return any("command" in ast.unparse(decorator) for decorator in node.decorator_list)
