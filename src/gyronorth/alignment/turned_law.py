@@ -1,0 +1,428 @@
+"""The law of turned alignment: what poses and turns tell of heading, bias and scale factor.
+
+Measured mean rate of a block i of poses and turns, sensor errors as in `gyronorth.sensor`:
+
+    y_i = (1 + M) R_i^T w_n + b + G R_i^T f_n + x_i        R_i: attitude, body to navigation frame
+    a_i = (1 + M_a) R_i^T f_n + b_a + x_a,i
+
+with noise x of known covariance between *all* blocks (`mean_covariance`). The attitudes are
+those of the end of the recording carried backwards through the turns by the gyro, whose
+errors x, b, M and G enter there too. Unknown are the attitude error phi (3) at the end, b, M,
+G, b_a, M_a, each with the prior of the sensor profile; a flat prior for phi. Linearised this
+is one Gaussian model, y - h = H theta + noise of covariance S, and
+
+    Sigma = (H^T S^-1 H + P^-1)^-1
+
+is both the covariance of its generalised least squares estimate and its Cramer-Rao bound
+(van Trees, "Detection, Estimation, and Modulation Theory", part I, 1968, sec. 2.4.3 and
+2.6.3, random parameters with Gaussian prior).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gyronorth.alignment.rotations import cross_matrix, mean_rotation, rotation, rotation_vector
+from gyronorth.alignment.turned_segments import STEPS, Blocks
+from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
+from gyronorth.levelling import mat_bn
+from gyronorth.sensor import Sensor, TriadErrors, flicker_components
+
+Array = NDArray[np.float64]
+
+#: A gyro-only pose is taken as level within this, rad (one standard deviation).
+LEVEL_SIGMA = 1e-3
+#: Standard deviation of a turn angle that the user gives, rad: 0.01 deg.
+TURN_ANGLE_SIGMA = 0.01 * np.pi / 180
+#: What the error model leaves out of a turn of 180 deg (nonlinear scale factor, timing, coning), rad
+#: per axis, growing with the root of the angle: 20 arcsec. Without it a simulated accelerometer would
+#: read the heading from Earth rate integrated through the turns, which no real sensor does as well.
+TURN_SIGMA = 1e-4
+#: Distance of the accelerometer from the axis of a spin, m (one standard deviation per axis).
+SPIN_ARM = 0.3
+#: Unit of a parameter without a prior, for the numerics only: rad, rad/s.
+FLAT_ATTITUDE, FLAT_BIAS = 1.0, 1e-4
+
+#: The parameters: name -> columns. M and its kin are stored by rows.
+COLUMNS = {
+    "attitude": slice(0, 3),
+    "bias": slice(3, 6),
+    "scale": slice(6, 15),
+    "g_sensitivity": slice(15, 24),
+    "accel_bias": slice(24, 27),
+    "accel_scale": slice(27, 36),
+    "arm": slice(36, 39),
+}
+
+
+def mean_covariance(
+    errors: TriadErrors, first: ArrayLike, last: ArrayLike, *, rate_hz: float, white: bool = True, drift: bool = True
+) -> Array:
+    """Covariance of the mean errors of one axis over the sample ranges [first, last), shape (n, n), u^2.
+
+    Exact for sampled white noise, quantisation, the Gauss-Markov sum of the in-run bias and
+    a rate random walk that starts at zero at sample 0; without turn-on bias. Ranges must not
+    overlap. `white` and `drift` leave out the parts without and with memory.
+
+    Notes
+    -----
+    For samples of a Gauss-Markov process, phi = exp(-1 / (rate tau)), variance v, the sums
+    over lags are geometric: v g_i g_j phi^(lag) / (n_i n_j), g = (1 - phi^n) / (1 - phi), for two
+    ranges, and v (n (1 + phi) - 2 phi g) / (n^2 (1 - phi)) for one.
+    """
+    first, last = np.asarray(first), np.asarray(last)
+    count = (last - first).astype(float)
+    total = np.zeros((len(count), len(count)))
+    if white:
+        total += np.diag(errors.white**2 * rate_hz / count)
+        edge = (last[:, None] == first).astype(float)
+        total += errors.quantisation**2 / 12 * rate_hz**2 * (2 * np.eye(len(count)) - edge - edge.T) / np.outer(count, count)
+    if not drift:
+        return total
+    lag = np.maximum(first[None, :] - last[:, None], first[:, None] - last[None, :]) + 1.0
+    same = np.eye(len(count), dtype=bool)
+    for variance, tau in zip(*flicker_components(errors), strict=True):
+        step = 1 / (rate_hz * tau)
+        lost, phi = -np.expm1(-step), np.exp(-step)
+        sums = -np.expm1(-count * step) / lost
+        across = np.outer(sums, sums) * np.exp(-np.where(same, 0.0, lag) * step)
+        within = (count * (1 + phi) - 2 * phi * sums) / lost
+        total += variance * np.where(same, np.diag(within), across) / np.outer(count, count)
+    if errors.random_walk > 0:
+        middle, length = (first + last) / 2 / rate_hz, count / rate_hz
+        walk = np.minimum(middle[:, None], middle[None, :])
+        total += errors.random_walk**2 * (walk - np.diag(length / 6))
+    return total
+
+
+@dataclass(frozen=True)
+class State:
+    """Attitude at the end and the values of the other parameters, shape (p,); attitude zero."""
+
+    end: Array  # (3, 3) body to navigation frame
+    value: Array
+
+    def matrix(self, name: str) -> Array:
+        return self.value[COLUMNS[name]].reshape(3, 3)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Scale (p,) and information (p,) in units of it: 1, or 0 for no prior."""
+
+    sigma: Array
+    information: Array
+
+
+def prior(sensor: Sensor, *, spins: int, bias_known: bool) -> Prior:
+    """What the sensor profile says of the parameters; with `bias_known` its turn-on bias too."""
+
+    def matrix(errors: TriadErrors) -> Array:
+        diagonal = np.eye(3)
+        return np.ravel(errors.scale_factor * diagonal + errors.misalignment * (1 - diagonal))
+
+    bias_known = bias_known and sensor.gyro.turn_on_bias > 0
+    sigma = np.concatenate(
+        [
+            np.full(3, FLAT_ATTITUDE),
+            np.full(3, sensor.gyro.turn_on_bias if bias_known else FLAT_BIAS),
+            matrix(sensor.gyro),
+            np.full(9, sensor.g_sensitivity),
+            np.full(3, sensor.accel.turn_on_bias),
+            matrix(sensor.accel),
+            np.full(3, SPIN_ARM),
+            np.full(2 * spins, 1.0),  # tilt of a spin axis in the body, rad: flat
+        ]
+    )
+    information = np.ones(len(sigma))
+    information[:3] = 0
+    information[3:6] = float(bias_known)
+    information[39:] = 0
+    return Prior(sigma, information)
+
+
+def attitudes(blocks: Blocks, state: State, *, latitude: float) -> Array:
+    """Attitude R_nb at the start of each block, shape (n, 3, 3): the end's, carried backwards.
+
+    The integrated rotation of a block is corrected for bias and scale factor in the frame of
+    its start: errors of rate act in the mean over time, errors of scale in the mean over angle.
+    """
+    bias = np.einsum("nij,j->ni", blocks.mean_b, state.value[COLUMNS["bias"]])
+    scale = np.einsum("nij,njk,nk->ni", over_angle(blocks), np.broadcast_to(state.matrix("scale"), blocks.turn_b.shape), blocks.gyro_b)
+    error = (bias + scale) * blocks.seconds[:, None]
+    back = np.swapaxes(blocks.turn_b, -1, -2) @ rotation(error)
+    earth = rotation(earth_rate_n(latitude) * blocks.seconds[:, None])
+    attitude = np.empty((len(back), 3, 3))
+    current = state.end
+    for index in range(len(back) - 1, -1, -1):
+        if not blocks.still[index]:
+            current = earth[index] @ current @ back[index]
+        attitude[index] = current
+    return attitude
+
+
+def over_angle(blocks: Blocks) -> Array:
+    """Mean over the angle of a block of the rotation since its start, shape (n, 3, 3)."""
+    return mean_rotation(rotation_vector(blocks.turn_b))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """residual = design @ error + noise; the noise is known by block: from gyro and from others."""
+
+    residual: Array  # (m,)
+    design: Array  # (m, p)
+    gyro_noise: Array  # (m, n, 3) effect of the mean gyro noise of each block and axis
+    own: Array  # (m, m) covariance of what else disturbs the observations
+    attitude: Array = field(repr=False)  # (n, 3, 3) at the start of each block
+    kind: NDArray[np.int64]  # (m,) 0 gyro, 1 accelerometer or level, 2 given turn angle
+
+    def covariance(self, gyro: Array, *, own: bool = True) -> Array:
+        """Noise covariance (m, m) from that of the mean gyro noise of one axis, (n, n)."""
+        m = len(self.residual)
+        spread = np.einsum("ij,mjc->mic", gyro, self.gyro_noise).reshape(m, -1)
+        return spread @ self.gyro_noise.reshape(m, -1).T + (self.own if own else 0.0)
+
+
+def linearise(
+    blocks: Blocks, state: State, sensor: Sensor, *, latitude: float, turn_angles: tuple[tuple[int, int, float], ...] = ()
+) -> Linear:
+    """The model about a state. `turn_angles`: (stretch, later stretch, given angle in rad)."""
+    n, p = len(blocks.first), len(state.value)
+    attitude = attitudes(blocks, state, latitude=latitude)
+    mean = attitude @ blocks.mean_b
+    to_body = np.swapaxes(mean, -1, -2)
+    rate, force = earth_rate_n(latitude), np.array([0.0, 0.0, -STANDARD_GRAVITY])
+    force_b = to_body @ force
+    local = np.zeros((n, 3, p))  # gyro error by parameter
+    local[:, :, COLUMNS["bias"]] = np.eye(3)
+    local[:, :, COLUMNS["scale"]] = _by_rows(blocks.gyro_b)
+    local[:, :, COLUMNS["g_sensitivity"]] = _by_rows(force_b)
+    moving = np.where(blocks.still, 0.0, blocks.seconds)[:, None, None]
+    turning, scaling = moving * mean, moving * (attitude @ over_angle(blocks))
+    # Attitude errors turn with the Earth while the unit turns: phi_i = E_i (phi + sum over j >= i of E_j^-1 step_j).
+    earth = rotation(np.cumsum(moving[::-1, 0], axis=0)[::-1] * earth_rate_n(latitude))
+    back = np.swapaxes(earth, -1, -2)
+    step = turning @ local
+    step[:, :, COLUMNS["scale"]] = scaling @ local[:, :, COLUMNS["scale"]]
+    step = np.cumsum((back @ step)[::-1], axis=0)[::-1]
+    step[:, :, COLUMNS["attitude"]] = np.eye(3)
+    chain = earth @ step  # attitude error at block i by parameter
+    later = np.triu(np.ones((n, n)))[:, :, None, None] * (earth[:, None] @ (back @ turning)[None])  # ... by noise of j
+
+    sees_rate, sees_force = to_body @ cross_matrix(rate), to_body @ cross_matrix(force)
+    predicted = to_body @ rate + np.einsum("nij,j->ni", local, np.where(_is(p, "attitude"), 0.0, state.value))
+    gyro_residual = blocks.gyro_b - predicted
+    gyro_design = sees_rate @ chain + local
+    gyro_noise = np.einsum("nij,nmjk->nimk", sees_rate, later)
+    gyro_noise[np.arange(n), :, np.arange(n)] += np.eye(3)
+
+    swept = np.linalg.norm(np.where(blocks.still[:, None], 0.0, blocks.gyro_b * blocks.seconds[:, None]), axis=1)
+    loose = np.cumsum((TURN_SIGMA**2 * swept / np.pi)[::-1])[::-1]  # (n,) attitude variance against the end
+
+    # Rows: kind, residual, design, noise by block and axis, and [sensitivity to attitude, its variance].
+    rows: list[tuple[int, Array, Array, Array, list[tuple[Array, float]]]] = []
+    for index in np.flatnonzero(blocks.still):
+        extra = [(sees_rate[index], loose[index])]
+        rows.append((0, gyro_residual[index], gyro_design[index], gyro_noise[index], extra))
+    for spin in range(blocks.spin.max(initial=-1) + 1):
+        members = np.flatnonzero(blocks.spin == spin)
+        across = np.linalg.svd(blocks.gyro_b[members], full_matrices=False)[2][1:]
+        column = 39 + 2 * spin
+        for index in members:
+            design = across @ gyro_design[index]
+            axis = np.cross(across[0], across[1])
+            design[:, column : column + 2] = np.eye(2) * (blocks.gyro_b[index] @ axis)
+            residual = across @ gyro_residual[index] - design[:, column : column + 2] @ state.value[column : column + 2]
+            extra = [(across @ sees_rate[index], loose[index])]
+            rows.append((0, residual, design, np.einsum("ij,jmk->imk", across, gyro_noise[index]), extra))
+    own_gyro = sum(len(row[1]) for row in rows)
+
+    seen = np.flatnonzero(blocks.still | (blocks.spin >= 0))
+    own_accel, accel_b = _levelling(blocks, seen, sensor)
+    for position, index in enumerate(seen):
+        design = sees_force[index] @ chain[index]
+        bias = np.zeros((3, p))
+        if blocks.accel_b is not None:
+            bias[:, COLUMNS["accel_bias"]] = np.eye(3)
+            bias[:, COLUMNS["accel_scale"]] = _by_rows(force_b[index])
+            if blocks.spin[index] >= 0:
+                spin_cross = cross_matrix(blocks.gyro_b[index])
+                bias[:, COLUMNS["arm"]] = spin_cross @ spin_cross
+        residual = accel_b[position] - force_b[index] - bias @ state.value
+        extra = [(sees_force[index], loose[index])]
+        rows.append((1, residual, design + bias, np.einsum("ij,mjk->imk", sees_force[index], later[index]), extra))
+
+    for stretch, other, angle in turn_angles:
+        a, b = (int(np.flatnonzero(blocks.stretch == s)[0]) for s in (stretch, other))
+        turned = _heading(attitude[b]) - _heading(attitude[a])
+        residual = (angle - turned + np.pi) % (2 * np.pi) - np.pi
+        down_a, down_b = heading_gradient(attitude[a]), heading_gradient(attitude[b])
+        design = down_b @ chain[b] - down_a @ chain[a]
+        noise = np.einsum("j,mjk->mk", down_b, later[b]) - np.einsum("j,mjk->mk", down_a, later[a])
+        extra = [(down_b[None], loose[b]), (-down_a[None], loose[a])]
+        rows.append((2, np.array([residual]), design[None], noise[None], extra))
+
+    kinds = np.concatenate([np.full(len(row[1]), row[0]) for row in rows])
+    own = np.zeros((len(kinds), len(kinds)))
+    end = own_gyro + len(own_accel)
+    own[own_gyro:end, own_gyro:end] = own_accel
+    own[range(end, len(kinds)), range(end, len(kinds))] = TURN_ANGLE_SIGMA**2
+    own += _through_turns([row[4] for row in rows])
+    parts = [np.concatenate([row[k] for row in rows]) for k in (1, 2, 3)]
+    return Linear(parts[0], parts[1], parts[2], own, attitude, kinds)
+
+
+def _through_turns(terms: list[list[tuple[Array, float]]]) -> Array:
+    """Covariance of the rows from `TURN_SIGMA`: a walk of the attitude, so that variances add by the smaller."""
+    width = max(len(row) for row in terms)
+    sensitivity = np.concatenate(
+        [np.stack([row[k][0] if k < len(row) else 0 * row[0][0] for k in range(width)], axis=1) for row in terms]
+    )  # (m, width, 3)
+    variance = np.concatenate(
+        [np.tile([row[k][1] if k < len(row) else 0.0 for k in range(width)], (len(row[0][0]), 1)) for row in terms]
+    )
+    total = 0.0
+    for a in range(width):
+        for b in range(width):
+            product = sensitivity[:, a] @ sensitivity[:, b].T
+            total = total + product * np.minimum(variance[:, a, None], variance[None, :, b])
+    return np.asarray(total)
+
+
+def _levelling(blocks: Blocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple[Array, Array]:
+    """Covariance (3 k, 3 k) and means (k, 3) of the specific force; level poses without an accelerometer."""
+    if blocks.accel_b is not None:
+        covariance = mean_covariance(sensor.accel, blocks.first[seen], blocks.last[seen], rate_hz=blocks.rate_hz)
+        return np.kron(covariance, np.eye(3)), blocks.accel_b[seen]
+    place = np.where(blocks.spin[seen] >= 0, -1 - blocks.spin[seen], blocks.stretch[seen])
+    same = (place[:, None] == place).astype(float)
+    covariance = (LEVEL_SIGMA * STANDARD_GRAVITY) ** 2 * (same + 1e-4 * np.eye(len(seen)))
+    return np.kron(covariance, np.eye(3)), np.tile([0.0, 0.0, -STANDARD_GRAVITY], (len(seen), 1))
+
+
+def _by_rows(vector: Array) -> Array:
+    """d(M v) / dM for M stored by rows, shape (..., 3) -> (..., 3, 9)."""
+    out = np.zeros((*vector.shape[:-1], 3, 9))
+    for row in range(3):
+        out[..., row, 3 * row : 3 * row + 3] = vector
+    return out
+
+
+def _is(p: int, name: str) -> NDArray[np.bool_]:
+    flags = np.zeros(p, dtype=bool)
+    flags[COLUMNS[name]] = True
+    return flags
+
+
+def _heading(attitude: Array) -> float:
+    return float(np.arctan2(attitude[1, 0], attitude[0, 0]))
+
+
+def heading_gradient(attitude: Array) -> Array:
+    """Change of the heading with an attitude error in n, shape (3,): 1 about down, the rest from pitch."""
+    north, east, down = attitude[:, 0]
+    return np.array([-down * north, -down * east, north**2 + east**2]) / (north**2 + east**2)
+
+
+def posterior(linear: Linear, noise: Array, known: Prior) -> tuple[Array, Array]:
+    """Covariance (p, p) of the parameters and the gain (p, m) from residuals to their error."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    scaled = linear.design * known.sigma
+    weighted = cho_solve(cho_factor(noise, lower=True), scaled)
+    information = scaled.T @ weighted + np.diag(np.maximum(known.information, known.sigma == 0) + 1e-12)
+    covariance = np.linalg.inv(information) * np.outer(known.sigma, known.sigma)
+    return covariance, (covariance / np.where(known.sigma > 0, known.sigma, 1.0)) @ weighted.T
+
+
+def turned_sigma(
+    sensor: Sensor,
+    *,
+    latitude: float,
+    turns: tuple[float, ...],
+    still_duration: float = 100.0,
+    turn_duration: float = 10.0,
+    accel: bool = True,
+    bias_known: bool = True,
+) -> float:
+    """Cramer-Rao bound of the heading at the end, rad, for a plan of poses and turns of a level unit.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Its error model.
+    latitude : float
+        rad.
+    turns : tuple of float
+        Angle of each turn, rad, clockwise positive: one more pose than turns; () is one pose.
+    still_duration : float
+        Time of standing still, s, shared evenly by the poses.
+    turn_duration : float
+        Time of one turn, s.
+    accel : bool
+        With an accelerometer; without it the poses are level within `LEVEL_SIGMA`.
+    bias_known : bool
+        Whether the turn-on bias is that of the profile; else it is anything.
+
+    Returns
+    -------
+    float
+        Root mean square over eight headings.
+    """
+    variances = []
+    for heading in np.arange(8) * np.pi / 4:
+        blocks, state = _ideal(turns, heading, still_duration, turn_duration, latitude, accel)
+        linear = linearise(blocks, state, sensor, latitude=latitude)
+        noise = linear.covariance(mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz))
+        known = prior(sensor, spins=0, bias_known=bias_known)
+        gradient = heading_gradient(state.end)
+        covariance = posterior(linear, regular(noise), known)[0][:3, :3]
+        variances.append(gradient @ covariance @ gradient)
+    return float(np.sqrt(np.mean(variances)))
+
+
+def regular(noise: Array) -> Array:
+    """Noise covariance that can be inverted when parts of the sensor are ideal."""
+    diagonal = np.diag(noise)
+    return noise + np.diag(1e-9 * diagonal + 1e-24 * (1 + (diagonal == 0) * 1e8))
+
+
+def _ideal(
+    turns: tuple[float, ...], heading: float, still: float, turning: float, latitude: float, accel: bool
+) -> tuple[Blocks, State]:
+    """Blocks and state of a level unit that turns at a constant rate about the vertical, at 100 Hz."""
+    rate_hz, per_stretch = 100.0, max(2, 24 // (len(turns) + 1))
+    first, stretch, yaw, spent = [0], [], [], 0.0
+    for number in range(len(turns) + 1):
+        edges = np.linspace(0, still / (len(turns) + 1), per_stretch + 1)[1:] + spent
+        first += list(np.round(edges * rate_hz).astype(int))
+        stretch += [number] * per_stretch
+        yaw += [0.0] * per_stretch
+        spent += still / (len(turns) + 1)
+        if number < len(turns):
+            parts = max(1, int(np.ceil(abs(turns[number]) / (np.pi / 12))))
+            first += list(np.round((np.arange(parts) + 1) * turning / parts * rate_hz + spent * rate_hz).astype(int))
+            stretch += [-1] * parts
+            yaw += [turns[number] / parts] * parts
+            spent += turning
+    yaw_vector = np.outer(yaw, [0.0, 0.0, 1.0])
+    edges = np.array(first)
+    seconds = np.diff(edges) / rate_hz
+    middle = (np.arange(STEPS) + 0.5) / STEPS
+    mean_b = rotation(yaw_vector[:, None] * middle[:, None]).mean(axis=1)
+    state = State(mat_bn(0.0, 0.0, heading).T, np.zeros(39))
+    n = len(seconds)
+    zeros = np.zeros((n, 3))
+    blank = Blocks(
+        edges[:-1], edges[1:], np.array(stretch), np.full(n, -1), zeros, zeros if accel else None,
+        rotation(yaw_vector), mean_b, rate_hz,
+    )  # fmt: skip
+    attitude = attitudes(blank, state, latitude=latitude)
+    earth_b = np.swapaxes(attitude @ mean_b, -1, -2) @ earth_rate_n(latitude)
+    turn_b = rotation(yaw_vector + np.where(blank.still, 0.0, seconds)[:, None] * earth_b)
+    gyro_b = earth_b + yaw_vector / seconds[:, None]
+    return Blocks(blank.first, blank.last, blank.stretch, blank.spin, gyro_b, blank.accel_b, turn_b, mean_b, rate_hz), state
