@@ -28,7 +28,7 @@ from gyronorth.alignment.turned_law import (
     prior,
     regular,
 )
-from gyronorth.alignment.turned_segments import Blocks, Segments, Turn, cut, find_segments
+from gyronorth.alignment.turned_segments import Blocks, Segments, Turn, blocks_per_stretch, cut, find_segments
 from gyronorth.angles import DEG_PER_HOUR, wrap_heading
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.levelling import level, mat_bn
@@ -37,10 +37,8 @@ from gyronorth.sensor import Sensor, TriadErrors
 
 Array = NDArray[np.float64]
 
-#: Blocks of all stretches together: enough for the weights that in-run drift asks for.
-BLOCKS = 24
-#: Gauss-Newton steps: the problem is nearly linear, the third changes less than 1e-6 rad.
-STEPS = 4
+#: Gauss-Newton steps at most, and the change of attitude, rad, below which it has settled.
+STEPS, SETTLED = 8, 1e-6
 #: Of a sensor without a profile: relative scale factor and misalignment (MEMS data sheets).
 UNKNOWN_SCALE, UNKNOWN_MISALIGNMENT, UNKNOWN_ACCEL_BIAS = 3e-3, 1e-3, 5e-3 * STANDARD_GRAVITY
 #: In-run bias tried for a sensor without a profile, as B sqrt(duration of a pose) / N.
@@ -132,9 +130,8 @@ def turned(
             f"No still pose of 3 s and no steady rotation was found in {len(gyro_b) / rate_hz:g} s; "
             "turned alignment needs at least one. Let the unit stand still between turns."
         )
-    blocks = cut(
-        gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=max(2, BLOCKS // max(1, len(segments.stretches)))
-    )
+    per_stretch = blocks_per_stretch(len(segments.stretches), None if errors is None else errors.gyro)
+    blocks = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=per_stretch)
     given = _given_angles(turn_angles, segments)
     if errors is not None:
         return _fit(blocks, errors, segments, latitude, given)[0]
@@ -253,12 +250,13 @@ def _solve(
 ) -> _Solution:
     known = prior(sensor, spins=int(blocks.spin.max(initial=-1)) + 1, bias_known=bias_known)
     gyro = mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz)
-    state = _first_guess(blocks, gyro, known, latitude)
+    state, change = _first_guess(blocks, gyro, known, latitude), np.full(3, np.inf)
     for step in range(STEPS + 1):
+        settled = step == STEPS or np.abs(change[:3]).max() < SETTLED
         linear = linearise(blocks, state, sensor, latitude=latitude, turn_angles=given)
         noise = regular(linear.covariance(gyro))
         covariance, gain = posterior(linear, noise, known)
-        if step == STEPS:
+        if settled:
             break
         pull = np.where(known.information > 0, state.value / np.where(known.sigma > 0, known.sigma, 1.0) ** 2, 0.0)
         change = gain @ linear.residual - covariance @ pull

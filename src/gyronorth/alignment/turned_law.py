@@ -20,15 +20,14 @@ is both the covariance of its generalised least squares estimate and its Cramer-
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.rotations import cross_matrix, mean_rotation, rotation, rotation_vector
-from gyronorth.alignment.turned_segments import STEPS, Blocks
+from gyronorth.alignment.turned_segments import Blocks
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
-from gyronorth.levelling import mat_bn
 from gyronorth.sensor import Sensor, TriadErrors, flicker_components
 
 Array = NDArray[np.float64]
@@ -56,6 +55,8 @@ COLUMNS = {
     "accel_scale": slice(27, 36),
     "arm": slice(36, 39),
 }
+#: From here two columns a spin: tilt of its axis in the body, rad.
+SPIN = 39
 
 
 def mean_covariance(
@@ -79,7 +80,9 @@ def mean_covariance(
     if white:
         total += np.diag(errors.white**2 * rate_hz / count)
         edge = (last[:, None] == first).astype(float)
-        total += errors.quantisation**2 / 12 * rate_hz**2 * (2 * np.eye(len(count)) - edge - edge.T) / np.outer(count, count)
+        total += (
+            errors.quantisation**2 / 12 * rate_hz**2 * (2 * np.eye(len(count)) - edge - edge.T) / np.outer(count, count)
+        )
     if not drift:
         return total
     lag = np.maximum(first[None, :] - last[:, None], first[:, None] - last[None, :]) + 1.0
@@ -140,7 +143,7 @@ def prior(sensor: Sensor, *, spins: int, bias_known: bool) -> Prior:
     information = np.ones(len(sigma))
     information[:3] = 0
     information[3:6] = float(bias_known)
-    information[39:] = 0
+    information[SPIN:] = 0
     return Prior(sigma, information)
 
 
@@ -151,7 +154,9 @@ def attitudes(blocks: Blocks, state: State, *, latitude: float) -> Array:
     its start: errors of rate act in the mean over time, errors of scale in the mean over angle.
     """
     bias = np.einsum("nij,j->ni", blocks.mean_b, state.value[COLUMNS["bias"]])
-    scale = np.einsum("nij,njk,nk->ni", over_angle(blocks), np.broadcast_to(state.matrix("scale"), blocks.turn_b.shape), blocks.gyro_b)
+    scale = np.einsum(
+        "nij,njk,nk->ni", over_angle(blocks), np.broadcast_to(state.matrix("scale"), blocks.turn_b.shape), blocks.gyro_b
+    )
     error = (bias + scale) * blocks.seconds[:, None]
     back = np.swapaxes(blocks.turn_b, -1, -2) @ rotation(error)
     earth = rotation(earth_rate_n(latitude) * blocks.seconds[:, None])
@@ -171,24 +176,52 @@ def over_angle(blocks: Blocks) -> Array:
 
 @dataclass(frozen=True)
 class Linear:
-    """residual = design @ error + noise; the noise is known by block: from gyro and from others."""
+    """residual = design @ error + noise, and where the noise of each block enters.
+
+    Noise is (mean gyro noise of the blocks) through `gyro`, (attitude error of the blocks that
+    it makes through the turns) through `attitude_noise`, and what has covariance `own`.
+    """
 
     residual: Array  # (m,)
     design: Array  # (m, p)
-    gyro_noise: Array  # (m, n, 3) effect of the mean gyro noise of each block and axis
+    gyro: Array  # (m, 3 n)
+    attitude_noise: Array  # (m, 3 n)
     own: Array  # (m, m) covariance of what else disturbs the observations
-    attitude: Array = field(repr=False)  # (n, 3, 3) at the start of each block
+    earth: Array  # (n, 3, 3) rotation of the Earth between a block and the end, while turning
+    step: Array  # (n, 3, 3) attitude error, at the end, by mean gyro error of a block
+    loose: Array  # (n,) attitude variance against the end from `TURN_SIGMA`, rad^2
+    attitude: Array  # (n, 3, 3) at the start of each block
     kind: NDArray[np.int64]  # (m,) 0 gyro, 1 accelerometer or level, 2 given turn angle
 
     def covariance(self, gyro: Array, *, own: bool = True) -> Array:
-        """Noise covariance (m, m) from that of the mean gyro noise of one axis, (n, n)."""
-        m = len(self.residual)
-        spread = np.einsum("ij,mjc->mic", gyro, self.gyro_noise).reshape(m, -1)
-        return spread @ self.gyro_noise.reshape(m, -1).T + (self.own if own else 0.0)
+        """Noise covariance (m, m) from that of the mean gyro noise of one axis, (n, n).
+
+        Attitude errors are phi_i = E_i sum over j >= i of U_j x_j, so that their covariances are
+        sums from the end of C_jl U_j U_l^T over both blocks.
+        """
+        n = len(gyro)
+        turned = np.einsum("il,lab->ilba", gyro, self.step)[:, ::-1].cumsum(axis=1)[
+            :, ::-1
+        ]  # cov(x_i, .), (i, l, b, a)
+        both = (self.step.reshape(n, 1, 3, 3) @ turned)[::-1].cumsum(axis=0)[::-1]
+        cross = turned @ np.swapaxes(self.earth, -1, -2)
+        both = self.earth[:, None] @ both @ np.swapaxes(self.earth, -1, -2)
+        if own:
+            both += np.minimum(self.loose[:, None], self.loose)[:, :, None, None] * np.eye(3)
+        cross, both = (np.swapaxes(part, 1, 2).reshape(3 * n, 3 * n) for part in (cross, both))
+        mixed = self.gyro @ cross @ self.attitude_noise.T
+        total = self.gyro @ np.kron(gyro, np.eye(3)) @ self.gyro.T + mixed + mixed.T
+        total += self.attitude_noise @ both @ self.attitude_noise.T
+        return total + self.own if own else total
 
 
 def linearise(
-    blocks: Blocks, state: State, sensor: Sensor, *, latitude: float, turn_angles: tuple[tuple[int, int, float], ...] = ()
+    blocks: Blocks,
+    state: State,
+    sensor: Sensor,
+    *,
+    latitude: float,
+    turn_angles: tuple[tuple[int, int, float], ...] = (),
 ) -> Linear:
     """The model about a state. `turn_angles`: (stretch, later stretch, given angle in rad)."""
     n, p = len(blocks.first), len(state.value)
@@ -201,60 +234,52 @@ def linearise(
     local[:, :, COLUMNS["bias"]] = np.eye(3)
     local[:, :, COLUMNS["scale"]] = _by_rows(blocks.gyro_b)
     local[:, :, COLUMNS["g_sensitivity"]] = _by_rows(force_b)
+
     moving = np.where(blocks.still, 0.0, blocks.seconds)[:, None, None]
-    turning, scaling = moving * mean, moving * (attitude @ over_angle(blocks))
-    # Attitude errors turn with the Earth while the unit turns: phi_i = E_i (phi + sum over j >= i of E_j^-1 step_j).
-    earth = rotation(np.cumsum(moving[::-1, 0], axis=0)[::-1] * earth_rate_n(latitude))
-    back = np.swapaxes(earth, -1, -2)
-    step = turning @ local
-    step[:, :, COLUMNS["scale"]] = scaling @ local[:, :, COLUMNS["scale"]]
-    step = np.cumsum((back @ step)[::-1], axis=0)[::-1]
+    # Attitude errors turn with the Earth while the unit turns: phi_i = E_i (phi + sum over j >= i of step_j).
+    earth = rotation(_from_end(moving[:, 0]) * earth_rate_n(latitude))
+    back = np.swapaxes(earth, -1, -2) @ attitude * moving
+    noise_step = back @ blocks.mean_b
+    step = noise_step @ local
+    step[:, :, COLUMNS["scale"]] = back @ over_angle(blocks) @ local[:, :, COLUMNS["scale"]]
+    step = _from_end(step)
     step[:, :, COLUMNS["attitude"]] = np.eye(3)
     chain = earth @ step  # attitude error at block i by parameter
-    later = np.triu(np.ones((n, n)))[:, :, None, None] * (earth[:, None] @ (back @ turning)[None])  # ... by noise of j
+    swept = np.linalg.norm(blocks.gyro_b * moving[:, 0], axis=1)
 
     sees_rate, sees_force = to_body @ cross_matrix(rate), to_body @ cross_matrix(force)
-    predicted = to_body @ rate + np.einsum("nij,j->ni", local, np.where(_is(p, "attitude"), 0.0, state.value))
-    gyro_residual = blocks.gyro_b - predicted
+    known = np.where(np.arange(p) < 3, 0.0, state.value)
+    gyro_residual = blocks.gyro_b - to_body @ rate - local @ known
     gyro_design = sees_rate @ chain + local
-    gyro_noise = np.einsum("nij,nmjk->nimk", sees_rate, later)
-    gyro_noise[np.arange(n), :, np.arange(n)] += np.eye(3)
 
-    swept = np.linalg.norm(np.where(blocks.still[:, None], 0.0, blocks.gyro_b * blocks.seconds[:, None]), axis=1)
-    loose = np.cumsum((TURN_SIGMA**2 * swept / np.pi)[::-1])[::-1]  # (n,) attitude variance against the end
-
-    # Rows: kind, residual, design, noise by block and axis, and [sensitivity to attitude, its variance].
-    rows: list[tuple[int, Array, Array, Array, list[tuple[Array, float]]]] = []
+    rows = _Rows(n)
     for index in np.flatnonzero(blocks.still):
-        extra = [(sees_rate[index], loose[index])]
-        rows.append((0, gyro_residual[index], gyro_design[index], gyro_noise[index], extra))
+        rows.add(0, gyro_residual[index], gyro_design[index], index, np.eye(3), sees_rate[index])
     for spin in range(blocks.spin.max(initial=-1) + 1):
         members = np.flatnonzero(blocks.spin == spin)
         across = np.linalg.svd(blocks.gyro_b[members], full_matrices=False)[2][1:]
-        column = 39 + 2 * spin
+        axis = np.cross(across[0], across[1])
+        tilt = slice(SPIN + 2 * spin, SPIN + 2 * spin + 2)
         for index in members:
             design = across @ gyro_design[index]
-            axis = np.cross(across[0], across[1])
-            design[:, column : column + 2] = np.eye(2) * (blocks.gyro_b[index] @ axis)
-            residual = across @ gyro_residual[index] - design[:, column : column + 2] @ state.value[column : column + 2]
-            extra = [(across @ sees_rate[index], loose[index])]
-            rows.append((0, residual, design, np.einsum("ij,jmk->imk", across, gyro_noise[index]), extra))
-    own_gyro = sum(len(row[1]) for row in rows)
+            design[:, tilt] = np.eye(2) * (blocks.gyro_b[index] @ axis)
+            residual = across @ gyro_residual[index] - design[:, tilt] @ state.value[tilt]
+            rows.add(0, residual, design, index, across, across @ sees_rate[index])
+    own = [np.zeros((rows.count, rows.count))]
 
     seen = np.flatnonzero(blocks.still | (blocks.spin >= 0))
     own_accel, accel_b = _levelling(blocks, seen, sensor)
     for position, index in enumerate(seen):
-        design = sees_force[index] @ chain[index]
-        bias = np.zeros((3, p))
+        errors = np.zeros((3, p))
         if blocks.accel_b is not None:
-            bias[:, COLUMNS["accel_bias"]] = np.eye(3)
-            bias[:, COLUMNS["accel_scale"]] = _by_rows(force_b[index])
+            errors[:, COLUMNS["accel_bias"]] = np.eye(3)
+            errors[:, COLUMNS["accel_scale"]] = _by_rows(force_b[index])
             if blocks.spin[index] >= 0:
                 spin_cross = cross_matrix(blocks.gyro_b[index])
-                bias[:, COLUMNS["arm"]] = spin_cross @ spin_cross
-        residual = accel_b[position] - force_b[index] - bias @ state.value
-        extra = [(sees_force[index], loose[index])]
-        rows.append((1, residual, design + bias, np.einsum("ij,mjk->imk", sees_force[index], later[index]), extra))
+                errors[:, COLUMNS["arm"]] = spin_cross @ spin_cross
+        residual = accel_b[position] - force_b[index] - errors @ state.value
+        rows.add(1, residual, sees_force[index] @ chain[index] + errors, index, None, sees_force[index])
+    own.append(own_accel)
 
     for stretch, other, angle in turn_angles:
         a, b = (int(np.flatnonzero(blocks.stretch == s)[0]) for s in (stretch, other))
@@ -262,35 +287,61 @@ def linearise(
         residual = (angle - turned + np.pi) % (2 * np.pi) - np.pi
         down_a, down_b = heading_gradient(attitude[a]), heading_gradient(attitude[b])
         design = down_b @ chain[b] - down_a @ chain[a]
-        noise = np.einsum("j,mjk->mk", down_b, later[b]) - np.einsum("j,mjk->mk", down_a, later[a])
-        extra = [(down_b[None], loose[b]), (-down_a[None], loose[a])]
-        rows.append((2, np.array([residual]), design[None], noise[None], extra))
-
-    kinds = np.concatenate([np.full(len(row[1]), row[0]) for row in rows])
-    own = np.zeros((len(kinds), len(kinds)))
-    end = own_gyro + len(own_accel)
-    own[own_gyro:end, own_gyro:end] = own_accel
-    own[range(end, len(kinds)), range(end, len(kinds))] = TURN_ANGLE_SIGMA**2
-    own += _through_turns([row[4] for row in rows])
-    parts = [np.concatenate([row[k] for row in rows]) for k in (1, 2, 3)]
-    return Linear(parts[0], parts[1], parts[2], own, attitude, kinds)
-
-
-def _through_turns(terms: list[list[tuple[Array, float]]]) -> Array:
-    """Covariance of the rows from `TURN_SIGMA`: a walk of the attitude, so that variances add by the smaller."""
-    width = max(len(row) for row in terms)
-    sensitivity = np.concatenate(
-        [np.stack([row[k][0] if k < len(row) else 0 * row[0][0] for k in range(width)], axis=1) for row in terms]
-    )  # (m, width, 3)
-    variance = np.concatenate(
-        [np.tile([row[k][1] if k < len(row) else 0.0 for k in range(width)], (len(row[0][0]), 1)) for row in terms]
+        rows.add(2, np.array([residual]), design[None], b, None, down_b[None])
+        rows.attitude_noise[-1][:, 3 * a : 3 * a + 3] = -down_a
+        own.append(np.array([[TURN_ANGLE_SIGMA**2]]))
+    return Linear(
+        np.concatenate(rows.residual),
+        np.concatenate(rows.design),
+        np.concatenate(rows.gyro),
+        np.concatenate(rows.attitude_noise),
+        _block_diagonal(own),
+        earth,
+        noise_step,
+        _from_end(TURN_SIGMA**2 * swept / np.pi),
+        attitude,
+        np.array(rows.kind),
     )
-    total = 0.0
-    for a in range(width):
-        for b in range(width):
-            product = sensitivity[:, a] @ sensitivity[:, b].T
-            total = total + product * np.minimum(variance[:, a, None], variance[None, :, b])
-    return np.asarray(total)
+
+
+class _Rows:
+    """Rows of the model as they are collected."""
+
+    def __init__(self, blocks: int) -> None:
+        self.columns = 3 * blocks
+        self.kind: list[int] = []
+        self.residual: list[Array] = []
+        self.design: list[Array] = []
+        self.gyro: list[Array] = []
+        self.attitude_noise: list[Array] = []
+
+    @property
+    def count(self) -> int:
+        return len(self.kind)
+
+    def add(self, kind: int, residual: Array, design: Array, block: int, gyro: Array | None, attitude: Array) -> None:
+        place = slice(3 * block, 3 * block + 3)
+        self.kind += [kind] * len(residual)
+        self.residual.append(residual)
+        self.design.append(design)
+        for store, values in ((self.gyro, gyro), (self.attitude_noise, attitude)):
+            store.append(np.zeros((len(residual), self.columns)))
+            if values is not None:
+                store[-1][:, place] = values
+
+
+def _from_end(values: Array) -> Array:
+    """Sums from each block to the end."""
+    return np.cumsum(values[::-1], axis=0)[::-1]
+
+
+def _block_diagonal(parts: list[Array]) -> Array:
+    size = sum(len(part) for part in parts)
+    total, start = np.zeros((size, size)), 0
+    for part in parts:
+        total[start : start + len(part), start : start + len(part)] = part
+        start += len(part)
+    return total
 
 
 def _levelling(blocks: Blocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple[Array, Array]:
@@ -310,12 +361,6 @@ def _by_rows(vector: Array) -> Array:
     for row in range(3):
         out[..., row, 3 * row : 3 * row + 3] = vector
     return out
-
-
-def _is(p: int, name: str) -> NDArray[np.bool_]:
-    flags = np.zeros(p, dtype=bool)
-    flags[COLUMNS[name]] = True
-    return flags
 
 
 def _heading(attitude: Array) -> float:
@@ -339,90 +384,7 @@ def posterior(linear: Linear, noise: Array, known: Prior) -> tuple[Array, Array]
     return covariance, (covariance / np.where(known.sigma > 0, known.sigma, 1.0)) @ weighted.T
 
 
-def turned_sigma(
-    sensor: Sensor,
-    *,
-    latitude: float,
-    turns: tuple[float, ...],
-    still_duration: float = 100.0,
-    turn_duration: float = 10.0,
-    accel: bool = True,
-    bias_known: bool = True,
-) -> float:
-    """Cramer-Rao bound of the heading at the end, rad, for a plan of poses and turns of a level unit.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Its error model.
-    latitude : float
-        rad.
-    turns : tuple of float
-        Angle of each turn, rad, clockwise positive: one more pose than turns; () is one pose.
-    still_duration : float
-        Time of standing still, s, shared evenly by the poses.
-    turn_duration : float
-        Time of one turn, s.
-    accel : bool
-        With an accelerometer; without it the poses are level within `LEVEL_SIGMA`.
-    bias_known : bool
-        Whether the turn-on bias is that of the profile; else it is anything.
-
-    Returns
-    -------
-    float
-        Root mean square over eight headings.
-    """
-    variances = []
-    for heading in np.arange(8) * np.pi / 4:
-        blocks, state = _ideal(turns, heading, still_duration, turn_duration, latitude, accel)
-        linear = linearise(blocks, state, sensor, latitude=latitude)
-        noise = linear.covariance(mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz))
-        known = prior(sensor, spins=0, bias_known=bias_known)
-        gradient = heading_gradient(state.end)
-        covariance = posterior(linear, regular(noise), known)[0][:3, :3]
-        variances.append(gradient @ covariance @ gradient)
-    return float(np.sqrt(np.mean(variances)))
-
-
 def regular(noise: Array) -> Array:
     """Noise covariance that can be inverted when parts of the sensor are ideal."""
     diagonal = np.diag(noise)
     return noise + np.diag(1e-9 * diagonal + 1e-24 * (1 + (diagonal == 0) * 1e8))
-
-
-def _ideal(
-    turns: tuple[float, ...], heading: float, still: float, turning: float, latitude: float, accel: bool
-) -> tuple[Blocks, State]:
-    """Blocks and state of a level unit that turns at a constant rate about the vertical, at 100 Hz."""
-    rate_hz, per_stretch = 100.0, max(2, 24 // (len(turns) + 1))
-    first, stretch, yaw, spent = [0], [], [], 0.0
-    for number in range(len(turns) + 1):
-        edges = np.linspace(0, still / (len(turns) + 1), per_stretch + 1)[1:] + spent
-        first += list(np.round(edges * rate_hz).astype(int))
-        stretch += [number] * per_stretch
-        yaw += [0.0] * per_stretch
-        spent += still / (len(turns) + 1)
-        if number < len(turns):
-            parts = max(1, int(np.ceil(abs(turns[number]) / (np.pi / 12))))
-            first += list(np.round((np.arange(parts) + 1) * turning / parts * rate_hz + spent * rate_hz).astype(int))
-            stretch += [-1] * parts
-            yaw += [turns[number] / parts] * parts
-            spent += turning
-    yaw_vector = np.outer(yaw, [0.0, 0.0, 1.0])
-    edges = np.array(first)
-    seconds = np.diff(edges) / rate_hz
-    middle = (np.arange(STEPS) + 0.5) / STEPS
-    mean_b = rotation(yaw_vector[:, None] * middle[:, None]).mean(axis=1)
-    state = State(mat_bn(0.0, 0.0, heading).T, np.zeros(39))
-    n = len(seconds)
-    zeros = np.zeros((n, 3))
-    blank = Blocks(
-        edges[:-1], edges[1:], np.array(stretch), np.full(n, -1), zeros, zeros if accel else None,
-        rotation(yaw_vector), mean_b, rate_hz,
-    )  # fmt: skip
-    attitude = attitudes(blank, state, latitude=latitude)
-    earth_b = np.swapaxes(attitude @ mean_b, -1, -2) @ earth_rate_n(latitude)
-    turn_b = rotation(yaw_vector + np.where(blank.still, 0.0, seconds)[:, None] * earth_b)
-    gyro_b = earth_b + yaw_vector / seconds[:, None]
-    return Blocks(blank.first, blank.last, blank.stretch, blank.spin, gyro_b, blank.accel_b, turn_b, mean_b, rate_hz), state

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gyronorth.alignment.rotations import integrate, rotation_vector
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
+from gyronorth.sensor import TriadErrors
 
 Array = NDArray[np.float64]
 
@@ -159,9 +160,7 @@ def _is_spin(part: Array, rate_hz: float) -> bool:
     return bool(angle > np.pi / 2 and np.sqrt(np.mean(across**2)) < 2 * EARTH_RATE + 3 * noise)
 
 
-def cut(
-    gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: float, per_stretch: int
-) -> Blocks:
+def cut(gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: float, per_stretch: int) -> Blocks:
     """The recording cut into blocks: `per_stretch` of each stretch, turns by rotation angle."""
     spins = [(round(t.start * rate_hz), round(t.end * rate_hz)) for t in segments.turns if t.spin]
     parts = sorted(
@@ -181,6 +180,12 @@ def cut(
     joined = {name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names}
     accel = None if accel_b is None else _means(accel_b, joined["first"], joined["last"])
     return Blocks(**joined, accel_b=accel, rate_hz=rate_hz)
+
+
+def blocks_per_stretch(stretches: int, errors: TriadErrors | None) -> int:
+    """How finely stretches are cut: 24 blocks in all give drift its weights, 8 show that there is none."""
+    drifts = errors is None or errors.flicker > 0 or errors.random_walk > 0
+    return max(2, (24 if drifts else 8) // max(1, stretches))
 
 
 def _standing(gyro_b: Array, first: int, last: int, stretch: int, parts: int, rate_hz: float) -> Blocks:
