@@ -53,7 +53,7 @@ size:
 
 # Known vulnerabilities of the pinned packages. Needs a vulnerability service on the network, so CI does not run it.
 audit: .venv/.all
-	$(BIN)/pip-audit --requirement constraints.txt --no-deps --disable-pip
+	$(BIN)/pip-audit --strict --requirement constraints.txt --no-deps --disable-pip
 
 # New pins: everything resolved afresh in a throw-away environment.
 constraints:

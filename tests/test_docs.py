@@ -9,12 +9,16 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+
+import gyronorth as gn
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
+DEMO = ROOT / "examples/data/demo.npz"
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 #: Development commands, which the tests cannot run from inside themselves.
 SKIPPED = ("make ", "git ", "cd ", "pip ", "python")
@@ -66,6 +70,27 @@ def test_example_runs(example, clone):
     done = run(["-W", "error", str(example)])
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
+
+
+@pytest.mark.slow
+def test_figures_of_the_readme_are_what_their_seeds_give():
+    done = run([str(ROOT / "docs/make_readme.py"), "--check"])
+    assert done.returncode == 0, done.stderr
+
+
+def test_demo_recording_is_what_its_command_gives(clone):
+    """`make demo-recording`, whose command stands in the Makefile."""
+    rule = re.search(r"^demo-recording:.*\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    command = rule[1].replace("\\\n", " ").replace("$(BIN)/", "").replace("$(DEMO)", "out/again.npz")
+    program, *arguments = shlex.split(command)
+    assert program == "gyronorth"
+    done = run(["-c", "from gyronorth.cli import main; main()", *arguments])
+    assert done.returncode == 0, done.stderr
+    shipped, again = gn.read(DEMO), gn.read("out/again.npz")
+    np.testing.assert_allclose(again.gyro_b, shipped.gyro_b, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(again.accel_b, shipped.accel_b, rtol=0, atol=1e-9)
+    assert (again.heading_true, again.latitude) == (shipped.heading_true, shipped.latitude)
+    assert DEMO.stat().st_size < 1e6
 
 
 def test_versions_agree():

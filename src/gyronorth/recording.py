@@ -37,6 +37,7 @@ class Note:
     message: str
     value: float | None = None  # the measured figure, in the unit that the message names
     limit: float | None = None  # the limit beside it
+    blocking: bool = False  # a heading must not be called valid before a declaration has settled this
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +95,7 @@ class Recording:
         between `end` and the end of the recording.
         """
         first, last = window_samples(start, end, rate_hz=self.rate_hz, samples=len(self.gyro_b))
-        length = (last - first) / self.rate_hz
-        gaps = tuple(gap for gap in (_clipped(gap, start, length, self.rate_hz) for gap in self.gaps) if gap.samples)
+        gaps = clip_gaps(self.gaps, first, last, rate_hz=self.rate_hz)
         notes = tuple(note for note in self.notes if note.code != "gaps_bridged")
         return replace(
             self,
@@ -146,6 +146,17 @@ def gap_notes(gaps: Sequence[Gap], *, samples: int) -> tuple[Note, ...]:
     )
 
 
+def clip_gaps(gaps: Sequence[Gap], first: int, last: int, *, rate_hz: float) -> tuple[Gap, ...]:
+    """What is left of `gaps` among the samples [first, last), their starts counted from `first`."""
+    clipped = []
+    for gap in gaps:
+        begin = round(gap.start * rate_hz)
+        low, high = max(begin, first), min(begin + gap.samples, last)
+        if low < high:
+            clipped.append(Gap((low - first) / rate_hz, high - low))
+    return tuple(clipped)
+
+
 def shift_utc(start_time_utc: str | None, seconds: float) -> str | None:
     """An ISO 8601 time moved by `seconds`; None stays None."""
     if start_time_utc is None:
@@ -178,10 +189,3 @@ def _checked_samples(name: str, value: ArrayLike) -> NDArray[np.float64]:
         row = int(np.flatnonzero(~np.isfinite(samples).all(axis=1))[0])
         raise InputError(f"{name} is not finite at sample {row}: {samples[row]}.")
     return samples
-
-
-def _clipped(gap: Gap, start: float, length: float, rate_hz: float) -> Gap:
-    """The part of `gap` inside the window that begins at `start` and lasts `length` s."""
-    begin = max(gap.start - start, 0.0)
-    end = min(gap.start + gap.samples / rate_hz - start, length)
-    return Gap(begin, max(0, round((end - begin) * rate_hz)))

@@ -41,7 +41,7 @@ COLOURS = {
 INK, FAINT, GRID, BLUE, RED, GREEN, PINK = COLOURS
 AXIS_STYLES = (("x", BLUE, "-"), ("y", RED, "--"), ("z", GREEN, "-."))
 
-SETTINGS: dict[str, Any] = {
+SETTINGS: Any = {
     "font.size": 9.5,
     "axes.titlesize": 10.5,
     "axes.titleweight": "bold",
@@ -63,6 +63,7 @@ SETTINGS: dict[str, Any] = {
     "legend.fontsize": 8.5,
     "svg.fonttype": "none",
 }
+
 
 def heading_figure(
     convergence: Convergence,
@@ -91,22 +92,28 @@ def convergence_figure(
     return figure
 
 
+def allan_figure(deviation: AllanDeviation) -> Figure:
+    """Allan deviation of the gyro alone, in the size of the HTML report."""
+    with mpl.rc_context(SETTINGS):
+        figure = _figure(4.5, 3.3)
+        draw_allan(figure.subplots(), deviation)
+    return figure
+
+
 def draw_convergence(
     axes: Axes, convergence: Convergence, estimate: HeadingEstimate, *, heading_true: float | None = None
 ) -> None:
     """Heading against time with its 95 % band, unwrapped about the final heading, and the truth if known."""
-    known = np.isfinite(convergence.heading)
     axes.set(title="Heading against time", xlabel="time from the start (s)", ylabel="heading (deg)")
-    if not known.any():
+    final = estimate.heading
+    known = np.isfinite(convergence.heading)
+    if final is None or not known.any():
         axes.text(0.5, 0.5, "no heading could be computed", transform=axes.transAxes, ha="center", color=INK)
         return
     time, valid = convergence.time[known], convergence.valid[known]
-    final = convergence.heading[known][-1] if estimate.heading is None else estimate.heading
+    half_deg = np.degrees(convergence.half_width[known])
     heading = np.degrees(final + wrap(convergence.heading[known] - final))
-    low = heading - np.degrees((convergence.heading - convergence.low)[known] % (2 * np.pi))
-    high = heading + np.degrees((convergence.high - convergence.heading)[known] % (2 * np.pi))
-    anything = (convergence.high - convergence.low)[known] >= 2 * np.pi * (1 - 1e-9)
-    low[anything], high[anything] = heading[anything] - 180, heading[anything] + 180
+    low, high = heading - half_deg, heading + half_deg
 
     axes.fill_between(time, low, high, color=BLUE, alpha=0.18, linewidth=0, label="95 % interval")
     axes.plot(time, np.where(valid, heading, np.nan), color=BLUE, label="heading, valid" if valid.any() else None)
@@ -116,8 +123,10 @@ def draw_convergence(
         axes.plot(time, np.where(refused, heading, np.nan), color=FAINT, linestyle=":", label="heading, refused")
     levels = [low[time >= 0.2 * time[-1]].min(), high[time >= 0.2 * time[-1]].max()]
     if heading_true is not None:
-        truth = np.degrees(final + wrap(heading_true - final))
-        axes.axhline(truth, color=RED, linestyle="--", linewidth=1.3, label=f"truth, {np.degrees(heading_true):.2f} deg")
+        truth = float(np.degrees(final + wrap(heading_true - final)))
+        axes.axhline(
+            truth, color=RED, linestyle="--", linewidth=1.3, label=f"truth, {np.degrees(heading_true):.2f} deg"
+        )
         levels.append(truth)
     margin = 0.08 * (max(levels) - min(levels)) + 1e-3
     middle = np.degrees(final)
@@ -126,6 +135,18 @@ def draw_convergence(
     steps = [1, 2, 3, 5, 10] if np.ptp(axes.get_ylim()) < 120 else [1, 3, 4.5, 9, 10]
     axes.yaxis.set_major_locator(MaxNLocator(nbins=7, steps=steps))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value % 360, 4) % 360:g}"))
+    _legend_above(axes)
+
+
+def draw_allan(axes: Axes, deviation: AllanDeviation) -> None:
+    """Allan deviation of the gyro's axes with 95 % bounds."""
+    axes.set(title="Allan deviation of the gyro", xlabel="averaging time (s)", ylabel="deviation (deg/h)")
+    axes.set(xscale="log", yscale="log")
+    curves = zip(AXIS_STYLES, deviation.deviation.T, deviation.low.T, deviation.high.T, strict=True)
+    for (name, colour, line), value, low, high in curves:
+        axes.fill_between(deviation.tau, low / DEG_PER_HOUR, high / DEG_PER_HOUR, color=colour, alpha=0.13, linewidth=0)
+        axes.plot(deviation.tau, value / DEG_PER_HOUR, color=colour, linestyle=line, label=f"body {name}")
+    axes.grid(which="minor", alpha=0.35)
     _legend_above(axes)
 
 

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
-from gyronorth.report.figures import convergence_figure, svg_text
+from gyronorth.report.figures import allan_figure, convergence_figure, svg_text
 from gyronorth.report.tables import Outcome
 from gyronorth.report.wording import heading_text, interval_text, number_text, part_name, plain_text, verdict_text
 
@@ -47,21 +47,25 @@ def heading_page(
     doc = estimate.to_json()
     true_deg, error_deg = outcome.truth_deg()
     figure = convergence_figure(convergence, estimate, heading_true=outcome.heading_true)
-    return _environment().get_template("heading.html.jinja").render(
-        doc=doc,
-        file=outcome.file,
-        verdict=verdict_text(doc),
-        interval=interval_text(doc["interval95_deg"], unit="°"),
-        true_deg=true_deg,
-        error_deg=error_deg,
-        bars=_bars(doc),
-        dial=_dial(doc),
-        convergence_svg=svg_text(figure, salt="convergence"),
-        allan_svg=None if deviation is None else "",
-        inputs=inputs,
-        earth_rate_deg_h=EARTH_RATE / DEG_PER_HOUR,
-        written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        version=version("gyronorth"),
+    return (
+        _environment()
+        .get_template("heading.html.jinja")
+        .render(
+            doc=doc,
+            file=outcome.file,
+            verdict=verdict_text(doc),
+            interval=interval_text(doc["interval95_deg"], unit="°"),
+            true_deg=true_deg,
+            error_deg=error_deg,
+            bars=_bars(doc),
+            dial=_dial(doc),
+            convergence_svg=svg_text(figure, salt="convergence"),
+            allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
+            inputs=inputs,
+            earth_rate_deg_h=EARTH_RATE / DEG_PER_HOUR,
+            written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            version=version("gyronorth"),
+        )
     )
 
 

@@ -38,7 +38,8 @@ def sentences(estimate: HeadingEstimate) -> tuple[str, str]:
     low, high = (heading_text(limit, decimals=1, width=5, full_turn=True) for limit in doc["interval95_deg"])
     sigma = "" if doc["sigma_deg"] is None else f"{doc['sigma_deg']:.2f}"
     codes = [reason["code"] for reason in doc["reasons"]]
-    status = ",".join(["PGNRS", "A" if doc["valid"] else "V", heading, sigma, low, high, doc["method"], str(len(codes))])
+    verdict = "A" if doc["valid"] else "V"
+    status = ",".join(["PGNRS", verdict, heading, sigma, low, high, doc["method"], str(len(codes))])
     return sentence(f"HEHDT,{heading if doc['valid'] else ''},T"), sentence(_with_reasons(status, codes))
 
 

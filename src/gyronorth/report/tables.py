@@ -48,10 +48,10 @@ class Outcome:
     heading_true: float | None = None  # rad, when the file knows it
 
     def document(self) -> dict[str, Any]:
-        """One object of the JSON array of a folder: the heading's fields and `file`, or `file` and `error`."""
+        """One object of the JSON array of a folder: `file`, `error` and the heading's fields, where there is one."""
         if self.estimate is None:
-            return {"file": self.file, "error": self.message}
-        return {"file": self.file, **self.estimate.to_json()}
+            return {"file": self.file, "error": self.message, "heading_deg": None, "valid": False}
+        return {"file": self.file, "error": None, **self.estimate.to_json()}
 
     def row(self) -> dict[str, Any]:
         """One row of the CSV table."""

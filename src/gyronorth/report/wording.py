@@ -34,10 +34,8 @@ def number_text(value: float | None, *, decimals: int = 2, unit: str = "") -> st
     """A number with its unit, or "unknown"; small numbers keep two figures, and there is no -0.00."""
     if value is None:
         return "unknown"
-    if value != 0 and abs(value) < 10.0**-decimals:
-        text = f"{value:.2g}"
-    else:
-        text = f"{value:.{decimals}f}"
+    small = value != 0 and abs(value) < 10.0**-decimals
+    text = f"{value:.2g}" if small else f"{value:.{decimals}f}"
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
 
 
@@ -47,9 +45,8 @@ def plain_text(value: float | None) -> str:
 
 
 def finding_text(finding: dict[str, Any]) -> str:
-    """A reason or warning on one line, the measured value beside its limit where it has them."""
-    numbers = [f"{name} {finding[key]:.4g}" for key, name in (("value", "measured"), ("limit", "limit")) if finding[key] is not None]
-    return f"{finding['code']}: {finding['message']}" + (f" [{', '.join(numbers)}]" if numbers else "")
+    """A reason or warning on one line; its message holds the measured value beside the limit."""
+    return f"{finding['code']}: {finding['message']}"
 
 
 def verdict_text(doc: dict[str, Any]) -> str:
@@ -96,9 +93,10 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
     if doc["gyro_bias_deg_h"] is not None:
         bias = ", ".join(number_text(value) for value in doc["gyro_bias_deg_h"])
         lines.append(("gyro bias", f"{bias} deg/h"))
-    if len(doc["poses"]) > 1:
-        lines += [("pose", f"{pose['start_s']:g} to {pose['end_s']:g} s: {heading_text(pose['heading_deg'])} deg") for pose in doc["poses"]]
-    recording = f"{outcome.file}, {doc['duration_s']:g} s at {doc['rate_hz']:g} Hz"
-    lines.append(("recording", recording if doc["end_time_utc"] is None else f"{recording}, ends {doc['end_time_utc']}"))
+    for pose in doc["poses"] if len(doc["poses"]) > 1 else ():
+        span = f"{pose['start_s']:g} to {pose['end_s']:g} s"
+        lines.append(("pose", f"{span}: {heading_text(pose['heading_deg'])} deg"))
+    end = "" if doc["end_time_utc"] is None else f", ends {doc['end_time_utc']}"
+    lines.append(("recording", f"{outcome.file}, {doc['duration_s']:g} s at {doc['rate_hz']:g} Hz{end}"))
     lines.append(("sensor", doc["sensor"] or "no profile given"))
     return lines

@@ -1,0 +1,278 @@
+"""A recording at rest in, the Allan deviations and the profile of its sensor out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.allan.deviation import AllanDeviation, allan_deviation
+from gyronorth.allan.identification import Identification, Identified, identify
+from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY, normal_gravity
+from gyronorth.levelling import level, mat_lb
+from gyronorth.recording import InputError, Recording
+from gyronorth.sensor import Sensor, TriadErrors
+
+Array = NDArray[np.float64]
+
+#: Student's 97.5 % points for 1 and 2 degrees of freedom over the normal law's.
+STUDENT1, STUDENT2 = 12.7062 / 1.959964, 4.302653 / 1.959964
+#: Half the range of normal gravity from the equator to a pole, m/s^2.
+GRAVITY_HALF_RANGE = 0.026
+
+_MG = 1e-3 * STANDARD_GRAVITY
+# Term of an Identification: (key in JSON, one unit of it in SI), as in sensor profiles.
+_GYRO_KEYS = {
+    "angle_random_walk": ("angle_random_walk_deg_sqrt_h", DEG_PER_SQRT_HOUR),
+    "bias_instability": ("bias_instability_deg_h", DEG_PER_HOUR),
+    "rate_random_walk": ("rate_random_walk_deg_h_sqrt_h", DEG_PER_HOUR / 60),
+    "quantisation": ("quantisation_arcsec", np.pi / 180 / 3600),
+}
+_ACCEL_KEYS = {
+    "angle_random_walk": ("velocity_random_walk_m_s_sqrt_h", 1 / 60),
+    "bias_instability": ("bias_instability_mg", _MG),
+    "rate_random_walk": ("acceleration_random_walk_mg_sqrt_h", _MG / 60),
+    "quantisation": ("quantisation_m_s", 1.0),
+}
+# Term of an Identification: field of TriadErrors.
+_FIELDS = {
+    "angle_random_walk": "white",
+    "bias_instability": "flicker",
+    "rate_random_walk": "random_walk",
+    "quantisation": "quantisation",
+}
+
+
+@dataclass(frozen=True)
+class TriadReport:
+    """Allan deviation and error terms of the three axes of a gyro or an accelerometer."""
+
+    deviation: AllanDeviation  # of shape (k, 3)
+    axes: tuple[Identification, Identification, Identification]
+    triad: Identification  # the three axes as one
+
+
+@dataclass(frozen=True)
+class Characterisation:
+    """What a recording at rest tells of its sensor."""
+
+    gyro: TriadReport
+    accel: TriadReport | None  # None: gyro only, or an accelerometer that does not vary
+    sensor: Sensor  # profile for `write_sensor`
+    notes: tuple[str, ...]  # what the profile assumes, bounds or lacks
+    source: str  # file name
+    duration: float  # s
+    rate_hz: float  # Hz
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `gyronorth allan --json` prints, in the units of sensor profiles."""
+        return {
+            "schema": "gyronorth.allan/1",
+            "source": self.source,
+            "duration_s": self.duration,
+            "rate_hz": self.rate_hz,
+            "gyro": _triad_json(self.gyro, "deg_h", DEG_PER_HOUR, _GYRO_KEYS),
+            "accel": None if self.accel is None else _triad_json(self.accel, "mg", _MG, _ACCEL_KEYS),
+            "turn_on_bias_deg_h": self.sensor.gyro.turn_on_bias / DEG_PER_HOUR,
+            "notes": list(self.notes),
+        }
+
+
+def characterise(
+    recording: Recording, *, latitude: float | None = None, base: Sensor | None = None, name: str | None = None
+) -> Characterisation:
+    """Allan deviation, identified error terms and sensor profile of a recording at rest.
+
+    Parameters
+    ----------
+    recording : Recording
+        One still pose without gaps: 60 s at least, an hour or more for a useful profile.
+    latitude : float, optional
+        Geodetic latitude, rad; default: that of the recording. It sharpens the turn-on bias.
+    base : Sensor, optional
+        Profile that supplies what Allan deviation cannot see: turn-on biases, scale factor,
+        misalignment, g-sensitivity, range, longest time constant of the in-run bias.
+    name : str, optional
+        Name of the profile; default: that of the file.
+
+    Returns
+    -------
+    Characterisation
+
+    Raises
+    ------
+    InputError
+        If the recording is too short, has gaps, or does not vary.
+
+    Notes
+    -----
+    A term of the profile is the value of the triad where it is identified, else its upper bound,
+    and never below the lower end of any axis: an axis that is worse than the others counts.
+    Quantisation that is not identified is 0: below the shortest averaging time it is part of N.
+
+    *Turn-on bias* without a base. One recording shows the bias of one session: with the latitude,
+    b_N = |horizontal mean rate| - Omega cos(lat) and b_D = vertical mean rate + Omega sin(lat),
+    two independent draws to first order, s^2 = (b_N^2 + b_D^2) / 2. The bias along east, which
+    cannot be seen and is what turns the heading, is s times a Student t of 2 degrees of freedom. The profile
+    therefore says 2.20 s, with which a 95 % interval of the heading holds 95 %. Without latitude
+    one draw is left, |mean rate| - Omega, and the factor is 6.48; so it is for the accelerometer,
+    of which | |mean specific force| - g | is seen. In-run bias of the same recording is in these
+    figures too: they err to the large side.
+    """
+    if recording.gaps:
+        raise InputError(_gap_message(recording))
+    latitude = recording.latitude if latitude is None else latitude
+    gyro = _report(recording.gyro_b, recording.rate_hz, 1000.0 if base is None else base.gyro.flicker_longest)
+    notes = _remarks("gyro", gyro)
+    accel = None
+    if recording.accel_b is not None and np.ptp(recording.accel_b, axis=0).all():
+        accel = _report(recording.accel_b, recording.rate_hz, 1000.0 if base is None else base.accel.flicker_longest)
+        notes += _remarks("accelerometer", accel)
+    name = name or PurePath(recording.source).stem or "identified"
+    sensor = Sensor(name, TriadErrors(), TriadErrors()) if base is None else base
+    sensor = replace(
+        sensor,
+        name=name,
+        gyro=replace(sensor.gyro, **_figures(gyro)),
+        accel=sensor.accel if accel is None else replace(sensor.accel, **_figures(accel)),
+    )
+    if base is None:
+        sensor, remarks = _with_turn_on_bias(sensor, recording, latitude)
+    else:
+        remarks = [f"Turn-on bias and all that Allan deviation cannot see are those of {base.name}."]
+    if accel is None and base is None:
+        missing = "There is no accelerometer" if recording.accel_b is None else "The accelerometer does not vary"
+        remarks.append(f"{missing}: its noise is 0 in the profile.")
+    notes += remarks
+    file = recording.source or "a recording"
+    source = f"Allan deviation of {file}, {recording.duration:g} s at {recording.rate_hz:g} Hz."
+    return Characterisation(
+        gyro=gyro,
+        accel=accel,
+        sensor=replace(sensor, source=" ".join([source, *notes])),
+        notes=tuple(notes),
+        source=recording.source,
+        duration=recording.duration,
+        rate_hz=recording.rate_hz,
+    )
+
+
+def identified_sensor(
+    recording: Recording, *, latitude: float | None = None, base: Sensor | None = None, name: str | None = None
+) -> Sensor:
+    """The profile of `characterise` alone."""
+    return characterise(recording, latitude=latitude, base=base, name=name).sensor
+
+
+def _report(x: Array, rate_hz: float, flicker_longest: float) -> TriadReport:
+    axes = tuple(identify(column, rate_hz=rate_hz, flicker_longest=flicker_longest) for column in x.T)
+    triad = identify(x, rate_hz=rate_hz, flicker_longest=flicker_longest)
+    return TriadReport(allan_deviation(x, rate_hz=rate_hz), (axes[0], axes[1], axes[2]), triad)
+
+
+def _figures(report: TriadReport) -> dict[str, float]:
+    figures = {}
+    for term, field in _FIELDS.items():
+        triad: Identified = getattr(report.triad, term)
+        lows = [getattr(axis, term).low for axis in report.axes]
+        if triad.status == "identified":
+            figures[field] = max(triad.value, *lows)
+        else:
+            figures[field] = 0.0 if term == "quantisation" else max(triad.high, *lows)
+    return figures
+
+
+def _remarks(what: str, report: TriadReport) -> list[str]:
+    triad, remarks = report.triad, []
+    if triad.misfit > 0:
+        remarks.append(
+            f"The {what}'s Allan deviation does not follow the model: it is allowed {100 * triad.misfit:.0f} % of "
+            "scatter. Sway, vibration or a change of temperature is likely; record on a still base."
+        )
+    if triad.tau[0] > 1.5 * report.deviation.tau[0]:
+        remarks.append(
+            f"The {what} is fitted from {triad.tau[0]:.3g} s on: shorter averaging times do not follow the model "
+            "(filter, vibration or sway)."
+        )
+    for term in ("angle_random_walk", "bias_instability", "rate_random_walk"):
+        subject = f"The {what}'s {term.replace('_', ' ')}"
+        status = getattr(triad, term).status
+        if status == "upper bound":
+            remarks.append(f"{subject} is an upper bound.")
+        elif status == "not identified":
+            remarks.append(f"{subject} is not identified; the most that the curve allows stands for it.")
+    return remarks
+
+
+def _with_turn_on_bias(sensor: Sensor, recording: Recording, latitude: float | None) -> tuple[Sensor, list[str]]:
+    """The sensor with turn-on biases inferred from the mean rate and specific force; see `characterise`."""
+    rate_b = recording.gyro_b.mean(axis=0)
+    force_b = None if recording.accel_b is None else recording.accel_b.mean(axis=0)
+    if latitude is None:
+        gyro_bias = STUDENT1 * abs(float(np.linalg.norm(rate_b)) - EARTH_RATE)
+        seen = f"the size of the mean rate ({STUDENT1:.2f} times its error; with a latitude the figure would be better)"
+    else:
+        roll, pitch = (0.0, 0.0) if force_b is None else level(force_b)
+        x, y, z = mat_lb(roll, pitch) @ rate_b
+        north = float(np.hypot(x, y)) - EARTH_RATE * np.cos(latitude)
+        down = float(z) + EARTH_RATE * np.sin(latitude)
+        gyro_bias = STUDENT2 * float(np.sqrt((north**2 + down**2) / 2))
+        seen = f"the mean rate against Earth rate at {np.degrees(latitude):.4g} deg ({STUDENT2:.2f} times its error)"
+    remarks = [
+        f"The gyro's turn-on bias, {gyro_bias / DEG_PER_HOUR:.3g} deg/h, is inferred from {seen}; recordings of "
+        "several power-ups would tell it."
+    ]
+    accel = sensor.accel
+    if force_b is not None:
+        gravity = float(normal_gravity(np.pi / 4 if latitude is None else latitude))
+        error = abs(float(np.linalg.norm(force_b)) - gravity)
+        accel_bias = STUDENT1 * (error if latitude is not None else max(error, GRAVITY_HALF_RANGE))
+        accel = replace(accel, turn_on_bias=accel_bias)
+        remarks.append(
+            f"The accelerometer's, {accel_bias / _MG:.3g} mg, is inferred from the size of the mean specific force "
+            f"({STUDENT1:.2f} times its error)."
+        )
+    return replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=gyro_bias), accel=accel), remarks
+
+
+def _gap_message(recording: Recording) -> str:
+    """What is wrong with the gaps, and the longest window without one."""
+    starts = [gap.start for gap in recording.gaps]
+    ends = [gap.start + gap.samples / recording.rate_hz for gap in recording.gaps]
+    pieces = list(zip([0.0, *ends], [*starts, recording.duration], strict=True))
+    start, end = max(pieces, key=lambda piece: piece[1] - piece[0])
+    missing = sum(gap.samples for gap in recording.gaps)
+    return (
+        f"{recording.source or 'The recording'} has {len(recording.gaps)} gap(s), {missing} samples in all; bridged "
+        "samples would make the noise look smaller. The Allan deviation needs an unbroken record: use a window without a gap, "
+        f"the longest is {np.ceil(start * 1000) / 1000:g}:{np.floor(end * 1000) / 1000:g} s."
+    )
+
+
+def _triad_json(report: TriadReport, unit: str, one: float, keys: dict[str, tuple[str, float]]) -> dict[str, Any]:
+    deviation = report.deviation
+    return {
+        "tau_s": deviation.tau.tolist(),
+        f"deviation_{unit}": (deviation.deviation / one).tolist(),
+        f"low_{unit}": (deviation.low / one).tolist(),
+        f"high_{unit}": (deviation.high / one).tolist(),
+        "axes": [_identification_json(axis, keys) for axis in report.axes],
+        "triad": _identification_json(report.triad, keys),
+    }
+
+
+def _identification_json(identification: Identification, keys: dict[str, tuple[str, float]]) -> dict[str, Any]:
+    terms = {}
+    for term, (key, one) in keys.items():
+        found: Identified = getattr(identification, term)
+        terms[key] = {
+            "value": found.value / one if found.status == "identified" else None,
+            "low": found.low / one,
+            "high": found.high / one,
+            "status": found.status,
+        }
+    return terms | {"fitted_from_s": float(identification.tau[0]), "misfit": identification.misfit}

@@ -1,0 +1,15 @@
+"""The command line: thin, no physics.
+
+Exit codes: 0 done, or a valid heading; 2 bad input or usage, with one message; 3 a heading was
+refused or could not be computed, with the reasons.
+"""
+
+from __future__ import annotations
+
+from gyronorth.cli import data_commands, heading_command, sensor_commands  # noqa: F401  # they join the application
+from gyronorth.cli.app import app
+
+
+def main() -> None:
+    """Entry point of the `gyronorth` command."""
+    app()

@@ -1,0 +1,75 @@
+"""The application that the commands join: exit codes, and one message for what the user got wrong."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+
+class Commands(TyperGroup):
+    """Runs a command, turns what it returns into the exit code and what the user got wrong into one message."""
+
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        if not standalone_mode:
+            return super().main(*args, standalone_mode=False, **extra)
+        try:
+            code = super().main(*args, standalone_mode=False, **extra)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            sys.stdout = None  # type: ignore[assignment]  # whoever read us has gone: nothing is left to flush
+            sys.exit(0)
+        except (KeyboardInterrupt, typer.Abort):
+            _fail("interrupted", 130)
+        except Exception as error:
+            message = _user_error(error)
+            if message is None:
+                raise
+            _fail(message, 2)
+        sys.exit(code if isinstance(code, int) else 0)
+
+
+def _user_error(error: Exception) -> str | None:
+    """The message of an error the user can cure, None for a fault of ours."""
+    from gyronorth.recording import InputError
+
+    if hasattr(error, "format_message"):  # usage errors of click, wherever this version of typer keeps them
+        context = getattr(error, "ctx", None)
+        hint = f"\nTry '{context.command_path} --help'." if context else ""
+        return error.format_message() + hint  # type: ignore[attr-defined]
+    if isinstance(error, InputError):
+        return str(error)
+    if isinstance(error, OSError):
+        return f"{error.filename or 'output'}: {error.strerror or error}."
+    return None
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    sys.stderr.write(f"error: {message}\n")
+    sys.exit(code)
+
+
+app = typer.Typer(
+    cls=Commands,
+    help="True north from a gyroscope that stands still, with an uncertainty that can be believed.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(show: bool) -> None:
+    if show:
+        from importlib.metadata import version
+
+        typer.echo(f"gyronorth {version('gyronorth')}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _global_options(
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Show the version."),
+) -> None:
+    """True north from a gyroscope that stands still, with an uncertainty that can be believed."""

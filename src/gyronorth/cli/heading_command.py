@@ -1,0 +1,219 @@
+"""gyronorth heading: one recording, or a folder of them, to headings with a verdict."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gyronorth.cli.app import app
+from gyronorth.cli.options import (
+    DEG_PER_HOUR,
+    PLOT_SUFFIXES,
+    Json,
+    Method,
+    Pitch,
+    Plot,
+    Roll,
+    SensorName,
+    check_outputs,
+    print_json,
+    triple,
+    with_reading,
+)
+from gyronorth.cli.progress import files_done, working
+
+if TYPE_CHECKING:
+    from gyronorth.allan import AllanDeviation
+    from gyronorth.pipeline import HeadingEstimate
+    from gyronorth.readers import ReadOptions
+    from gyronorth.recording import Recording
+    from gyronorth.report.tables import Outcome
+    from gyronorth.sensor import Sensor
+
+#: Fewest samples of which an Allan deviation is drawn.
+SHORTEST_ALLAN = 100
+
+#: Exit codes.
+VALID, BAD_INPUT, REFUSED = 0, 2, 3
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of every recording; SI units and radians."""
+
+    reading: ReadOptions
+    sensor: Sensor | None
+    method: str
+    gyro_bias: tuple[float, float, float] | None  # rad/s, body axes
+    attitude: tuple[float, float] | None  # roll, pitch, rad
+
+    def read(self, path: Path) -> Recording:
+        """The recording, less its known bias."""
+        from gyronorth import readers
+
+        recording = readers.read(path, self.reading)
+        return recording if self.gyro_bias is None else recording.without_bias(self.gyro_bias)
+
+    def heading(self, recording: Recording) -> HeadingEstimate:
+        """What the pipeline finds."""
+        from gyronorth import pipeline
+
+        return pipeline.heading(
+            recording, latitude=self.reading.latitude, sensor=self.sensor, method=self.method, attitude=self.attitude
+        )
+
+
+@app.command()
+@with_reading
+def heading(
+    source: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help="A recording, or a folder of recordings.")],
+    sensor: SensorName = None,
+    method: Annotated[Method, typer.Option(help="auto takes the one whose own sigma is smallest.")] = Method.auto,
+    as_json: Json = False,
+    csv: Annotated[Path | None, typer.Option(metavar="OUT.csv", help="Write a table, one row per file.")] = None,
+    plot: Plot = None,
+    report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.")] = None,
+    nmea: Annotated[bool, typer.Option("--nmea", help="Print HEHDT and a status sentence and nothing else.")] = False,
+    gyro_bias: Annotated[
+        Any,
+        typer.Option(
+            metavar="X,Y,Z",
+            parser=triple("X,Y,Z in deg/h", "1.2,-0.4,0.3", scale=DEG_PER_HOUR),
+            help="Known gyro bias in body axes, deg/h; it is subtracted.",
+        ),
+    ] = None,
+    roll: Roll = None,
+    pitch: Pitch = None,
+    *,
+    reading: ReadOptions,
+) -> int:
+    """Find the heading of a recording, or of every recording in a folder.
+
+    Exit code 0: a valid heading. 2: bad input. 3: no valid heading; the reasons are printed.
+    For a folder: 2 if any file could not be read, else 3 if any heading is not valid, else 0.
+    """
+    from gyronorth.recording import InputError
+
+    if as_json and nmea:
+        raise InputError("--json and --nmea both print to standard output; give one of them.")
+    if (roll is None) != (pitch is None):
+        raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
+    suffixes = (".html", ".htm")
+    check_outputs({"--csv": (csv, ()), "--plot": (plot, PLOT_SUFFIXES), "--report": (report, suffixes)}, source=source)
+    if source.is_dir():
+        single = [name for name, given in (("--plot", plot), ("--report", report), ("--nmea", nmea)) if given]
+        if single:
+            raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
+    attitude = None if roll is None else (roll, pitch)
+    request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude)
+    if source.is_dir():
+        return _folder(source, request, as_json=as_json, csv=csv)
+    return _file(source, request, as_json=as_json, nmea=nmea, csv=csv, plot=plot, report=report)
+
+
+def _file(
+    path: Path, request: Request, *, as_json: bool, nmea: bool, csv: Path | None, plot: Path | None, report: Path | None
+) -> int:
+    """One recording: its heading to standard output and the files asked for."""
+    from gyronorth.report.tables import Outcome, write_csv
+
+    with working(f"reading {path.name}"):
+        recording = request.read(path)
+    with working("finding north"):
+        estimate = request.heading(recording)
+    outcome = Outcome(str(path), estimate, heading_true=recording.heading_true)
+    if plot is not None or report is not None:
+        with working("drawing"):
+            _draw(outcome, recording, request, plot=plot, report=report)
+    if csv is not None:
+        write_csv([outcome], csv)
+    if as_json:
+        print_json(estimate.to_json())
+    elif nmea:
+        from gyronorth.report.nmea import sentences
+
+        sys.stdout.writelines(sentences(estimate))
+    else:
+        from gyronorth.report.terminal import print_heading
+
+        print_heading(outcome, sys.stdout)
+    return VALID if estimate.valid else REFUSED
+
+
+def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Path | None, report: Path | None) -> None:
+    from gyronorth import pipeline
+    from gyronorth.report import figures
+    from gyronorth.report.writing import written_beside
+
+    estimate = outcome.estimate
+    if estimate is None:
+        return
+    convergence = pipeline.convergence(
+        recording, sensor=request.sensor, method=estimate.method, attitude=request.attitude
+    )
+    deviation = _deviation(recording)
+    if plot is not None:
+        truth = recording.heading_true
+        figure = figures.heading_figure(convergence, estimate, heading_true=truth, deviation=deviation)
+        with written_beside(plot) as part:
+            figures.save(figure, part, suffix=plot.suffix.lower())
+    if report is not None:
+        from gyronorth.report.html import heading_page
+
+        page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, request))
+        with written_beside(report) as part:
+            part.write_text(page, encoding="utf-8")
+
+
+def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) -> int:
+    """Every recording of a folder: one row each, an unreadable file with its error."""
+    from gyronorth.readers import recordings_in
+    from gyronorth.recording import InputError
+    from gyronorth.report.tables import Outcome, write_csv
+
+    outcomes: list[Outcome] = []
+    for path in files_done(recordings_in(folder)):
+        try:
+            recording = request.read(path)
+            estimate = request.heading(recording)
+        except (InputError, OSError) as error:
+            outcomes.append(Outcome(path.name, message=str(error)))
+        else:
+            outcomes.append(Outcome(path.name, estimate, heading_true=recording.heading_true))
+    if csv is not None:
+        write_csv(outcomes, csv)
+    if as_json:
+        print_json([outcome.document() for outcome in outcomes])
+    else:
+        from gyronorth.report.terminal import print_folder
+
+        print_folder(outcomes, sys.stdout)
+    if any(outcome.estimate is None for outcome in outcomes):
+        return BAD_INPUT
+    return VALID if all(outcome.estimate and outcome.estimate.valid for outcome in outcomes) else REFUSED
+
+
+def _sensor(name_or_file: str | None) -> Sensor | None:
+    if name_or_file is None:
+        return None
+    from gyronorth.sensor import read_sensor
+
+    return read_sensor(name_or_file)
+
+
+def _deviation(recording: Recording) -> AllanDeviation | None:
+    """Allan deviation of the gyro; None where the record is too short for a picture of it."""
+    from gyronorth.allan import allan_deviation
+
+    if len(recording.gyro_b) < SHORTEST_ALLAN:
+        return None
+    return allan_deviation(recording.gyro_b, rate_hz=recording.rate_hz)
+
+
+def _inputs(file: str, request: Request) -> list[tuple[str, str]]:
+    """What the user declared, for the report."""
+    return [("file", file), ("method asked for", request.method)]

@@ -1,0 +1,239 @@
+"""Options shared by the commands, and the parsers that turn their text into numbers.
+
+Every parser names the value it received and an example; the command line adds the option.
+Degrees of the command line become radians here.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Callable
+from enum import StrEnum
+from functools import wraps
+from math import inf, isfinite, radians
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from gyronorth.readers import ReadOptions
+
+DEG_PER_HOUR = radians(1) / 3600  # rad/s; the same as angles.DEG_PER_HOUR, which would load numpy for --help
+
+
+class Method(StrEnum):
+    """How a heading may be found."""
+
+    auto = "auto"
+    mean = "mean"
+    inertial = "inertial"
+
+
+def number(
+    what: str, example: str, *, low: float = -inf, high: float = inf, above: float = -inf
+) -> Callable[[str], float]:
+    """A parser of one finite number in [low, high], and above `above`."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = inf
+        if not (isfinite(value) and low <= value <= high and value > above):
+            raise typer.BadParameter(f"{text!r} is not {what}; example: {example}")
+        return value
+
+    return parse
+
+
+def degrees(what: str, example: str, *, low: float = -inf, high: float = inf) -> Callable[[str], float]:
+    """A parser of an angle in degrees that returns radians."""
+    parse_degrees = number(what, example, low=low, high=high)
+    return lambda text: radians(parse_degrees(text))
+
+
+def triple(what: str, example: str, *, scale: float) -> Callable[[str], tuple[float, float, float]]:
+    """A parser of three numbers with commas between, times `scale`."""
+
+    def parse(text: str) -> tuple[float, float, float]:
+        try:
+            first, second, third = (float(part) * scale for part in text.split(","))
+        except ValueError:
+            first = second = third = inf
+        if not all(map(isfinite, (first, second, third))):
+            raise typer.BadParameter(f"{text!r} is not {what}; example: {example}")
+        return first, second, third
+
+    return parse
+
+
+def window(text: str) -> tuple[float, float]:
+    """START:END in seconds from the start of the recording."""
+    start_text, _, end_text = text.partition(":")
+    try:
+        start, end = float(start_text), float(end_text)
+    except ValueError:
+        start = end = inf
+    if not 0 <= start < end < inf:
+        raise typer.BadParameter(f"{text!r} is not START:END in seconds with 0 <= START < END; example: 600:950")
+    return start, end
+
+
+def columns(text: str) -> dict[str, str]:
+    """Our column names mapped to those of the file: t=time,w_x=gx,..."""
+    from gyronorth.readers import InputError, parse_columns
+
+    try:
+        return parse_columns(text)
+    except InputError as error:
+        raise typer.BadParameter(f"{error} Example: t=time,w_x=gx,w_y=gy,w_z=gz,f_x=ax,f_y=ay,f_z=az") from None
+
+
+Latitude = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a latitude of -90 to 90 degrees", "32.11", low=-90, high=90),
+        help="Geodetic latitude, north positive; may come from the file.",
+    ),
+]
+Roll = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a roll of -180 to 180 degrees", "1.5", low=-180, high=180),
+        help="Roll, right side down positive.",
+    ),
+]
+Pitch = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a pitch of -90 to 90 degrees", "-0.5", low=-90, high=90),
+        help="Pitch, nose up positive.",
+    ),
+]
+Rate = Annotated[
+    Any,
+    typer.Option(
+        metavar="HZ",
+        parser=number("a positive sample rate in Hz", "100", above=0),
+        help="Sample rate of the file where it has no time column (it never resamples).",
+    ),
+]
+SensorName = Annotated[
+    str | None, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.")]
+Plot = Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).")]
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+#: What `with_reading` adds to a command: option name -> (annotation, default).
+READING: dict[str, tuple[Any, Any]] = {
+    "latitude": (Latitude, None),
+    "window": (
+        Annotated[Any, typer.Option(metavar="START:END", parser=window, help="Use only this part, seconds.")],
+        None,
+    ),
+    "rate": (Rate, None),
+    "axes": (
+        Annotated[str | None, typer.Option(metavar="AXES", help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.")],
+        None,
+    ),
+    "boresight": (
+        Annotated[
+            Any,
+            typer.Option(
+                metavar="R,P,Y",
+                parser=triple("ROLL,PITCH,YAW in degrees", "0,0,90", scale=radians(1)),
+                help="Mounting of the sensor in the vehicle, degrees: turns its heading into the vehicle's.",
+            ),
+        ],
+        None,
+    ),
+    "gyro_unit": (
+        Annotated[str | None, typer.Option(metavar="UNIT", help="deg/s, rad/s or deg/h (increments: deg, rad).")],
+        None,
+    ),
+    "accel_unit": (Annotated[str | None, typer.Option(metavar="UNIT", help="m/s2 or g.")], None),
+    "increments": (
+        Annotated[bool, typer.Option("--increments", help="The file holds increments per sample, not rates.")],
+        False,
+    ),
+    "columns": (
+        Annotated[
+            Any, typer.Option(metavar="MAP", parser=columns, help="Columns of the file: t=time,w_x=gx,..,f_z=az.")
+        ],
+        None,
+    ),
+    "variable": (Annotated[str | None, typer.Option(metavar="NAME", help="Variable to read from a .mat file.")], None),
+    "drop_bad_rows": (
+        Annotated[bool, typer.Option("--drop-bad-rows", help="Leave out rows that cannot be read, and report them.")],
+        False,
+    ),
+}
+
+
+def with_reading(command: Callable[..., int | None]) -> Callable[..., int | None]:
+    """Give a command with a parameter `reading` the options that say how its file is read.
+
+    The command sees one `ReadOptions`; the command line sees the options of `READING` in its place.
+    """
+    own = dict(inspect.signature(command, eval_str=True).parameters)
+    del own["reading"]
+
+    @wraps(command)
+    def run(**values: Any) -> int | None:
+        return command(reading=_read_options(values), **{name: values[name] for name in own})
+
+    added = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+        for name, (annotation, default) in READING.items()
+    ]
+    parameters = [*own.values(), *added]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run
+
+
+def _read_options(values: dict[str, Any]) -> ReadOptions:
+    from gyronorth.readers import ReadOptions
+
+    given = {name: values[name] for name in READING if values[name] is not None}
+    if "rate" in given:
+        given["rate_hz"] = given.pop("rate")
+    return ReadOptions(**given)
+
+
+def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:
+    """Refuse, before any work, outputs that could not be written or would overwrite the input or each other.
+
+    Parameters
+    ----------
+    outputs : dict
+        Option name -> (path or None, the suffixes it may have; none given: any).
+    source : Path, optional
+        The recording that is read.
+    """
+    from gyronorth.recording import InputError
+
+    taken = {} if source is None else {source.resolve(): "the recording that is read"}
+    for option, (path, suffixes) in outputs.items():
+        if path is None:
+            continue
+        if suffixes and path.suffix.lower() not in suffixes:
+            raise InputError(f"{option} {path}: the name must end in {' or '.join(suffixes)}.")
+        if path.is_dir():
+            raise InputError(f"{option} {path} is a folder; give the name of a file in it.")
+        if not path.parent.is_dir():
+            raise InputError(f"{option} {path}: the folder {path.parent} does not exist; make it first.")
+        if path.resolve() in taken:
+            raise InputError(f"{option} {path} is {taken[path.resolve()]}; choose another name.")
+        taken[path.resolve()] = f"also what {option} writes"
+
+
+def print_json(document: Any) -> None:
+    """Print one JSON value; a NaN would be a fault of ours and raises."""
+    typer.echo(json.dumps(document, ensure_ascii=False, allow_nan=False))

@@ -1,0 +1,171 @@
+"""CSV: our own files, files with any header mapped by `columns`, and the published recordings.
+
+Ours: comment lines `# key: value`, a header `t,w_x,w_y,w_z,f_x,f_y,f_z`, rows of numbers.
+The published recordings of arXiv 2312.12121: an unnamed index column, then w_x..w_z in
+deg/s and f_x..f_z, 600 Hz, forward-right-down; the true heading in degrees is the file's
+name, x_<heading>.csv. Their files do not say the unit of f: their own notebook levels with
+"-g (-9.8)", so m/s^2 is usual here and a declaration overrules it.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from functools import partial
+from pathlib import Path
+
+from gyronorth.readers.axes import mat_bf
+from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions, choose_columns
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
+from gyronorth.readers.text import Layout, TextHead, text_blocks
+from gyronorth.recording import Gap, InputError
+
+#: First line of the files that `write` makes: units, axes and rate are SI, frd and stated.
+SIGNATURE = ("format", "gyronorth.recording/1")
+#: A column of time in seconds may carry one of these names.
+TIME_TITLES = (TIME, "time", "Time", "TIME")
+_ALIASES = {TIME: TIME_TITLES} | {name: (name,) for name in (*RATES, *FORCES)}
+_COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
+_PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
+_PUBLISHED_TITLES = ("", *RATES, *FORCES)
+_PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="frd")
+
+
+def open_csv(path: Path, options: ReadOptions) -> Source:
+    """Open a CSV file."""
+    with TextHead(path) as head:
+        facts, ours = _comments(head)
+        line = head.peek()
+        if line is None or not line.strip():
+            raise InputError(f"{path.name} ends before its header; a line such as {','.join(NAMES)} is expected.")
+        titles = _fields(line, head)
+        numeric = all(_is_number(title) for title in titles if title) and any(titles)
+        if numeric:
+            header: list[str] | int = len(titles)
+            if not options.columns:
+                raise InputError(
+                    f"{path.name} has no header: its row {head.row + 1} is already numbers. Say which column is "
+                    "which by its number from 0, as in --columns t=0,w_x=1,w_y=2,w_z=3."
+                )
+            titles = [f"column {position}" for position in range(len(titles))]
+        else:
+            head.take()
+            header = titles
+            _reject_other_delimiter(line, titles, head)
+        first_row = head.peek() or ""
+        trailing, titles = _trailing(titles, first_row, numeric)
+        found = choose_columns(header if not numeric else len(titles), options.columns, _ALIASES, path.name)
+        offset, row = head.offset, head.row
+    columns = tuple(name for name in NAMES if name in found)
+    layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing)
+    heading = published_heading(path) if tuple(titles) == _PUBLISHED_TITLES else None
+    published = heading is not None and facts == Facts()
+    return Source(
+        format="published" if published else "csv",
+        name=path.name,
+        columns=columns,
+        blocks=partial(text_blocks, path, offset, row, layout),
+        stated=Facts(heading_true=heading) if published else facts,
+        usual=_PUBLISHED if published else Facts(),
+        clock=Clock(unit=1.0, name=titles[found[TIME]]) if TIME in found else None,
+        ours=ours,
+    )
+
+
+def published_heading(path: Path) -> float | None:
+    """The true heading, rad, in the name of a published recording; None for another name."""
+    match = _PUBLISHED_NAME.fullmatch(path.name)
+    return math.radians(float(match[1])) if match and float(match[1]) <= 360 else None
+
+
+def _comments(head: TextHead) -> tuple[Facts, bool]:
+    """The facts in the comment lines, and whether gyronorth wrote them."""
+    texts: dict[str, tuple[str, int]] = {}
+    while (line := head.peek()) is not None and (line.startswith("#") or not line.strip()):
+        head.take()
+        match = _COMMENT.match(line)
+        if match is None:
+            continue
+        if match[1] in texts and texts[match[1]][0] != match[2]:
+            raise InputError(f"Row {head.row} of {head.name} states {match[1]} again, with another value.")
+        texts[match[1]] = (match[2], head.row)
+
+    def value(key: str, low: float, high: float) -> float | None:
+        if key not in texts:
+            return None
+        text, row = texts[key]
+        if not (_is_number(text) and low <= float(text) <= high):
+            raise InputError(
+                f"Row {row} of {head.name}: {key} is {text[:60]!r}; a number of {low:g} to {high:g} is expected."
+            )
+        return float(text)
+
+    def gaps() -> tuple[Gap, ...]:
+        text, row = texts.get("gaps", ("", 0))
+        entries = [entry.partition(":")[::2] for entry in text.split()]
+        if not all(_is_number(start) and re.fullmatch("[0-9]{1,12}", count) for start, count in entries):
+            raise InputError(f"Row {row} of {head.name}: gaps is {text[:60]!r}; START:SAMPLES ... is expected.")
+        return tuple(Gap(float(start), int(count)) for start, count in entries)
+
+    def choice(key: str, choices: tuple[str, ...]) -> str | None:
+        if key not in texts:
+            return None
+        text, row = texts[key]
+        if text not in choices:
+            raise InputError(f"Row {row} of {head.name}: {key} is {text!r}; one of {', '.join(choices)} is expected.")
+        return text
+
+    axes = texts.get("axes", (None, 0))[0]
+    if axes is not None:
+        mat_bf(axes)
+    latitude_deg, heading_deg = value("latitude_deg", -90, 90), value("heading_true_deg", -360, 360)
+    samples, dropped = value("samples", 1, 1e12), value("rows_dropped", 0, 1e12)
+    facts = Facts(
+        rate_hz=value("rate_hz", 1e-3, 1e6),
+        gyro_unit=choice("gyro_unit", tuple(GYRO_UNITS)),
+        accel_unit=choice("accel_unit", tuple(ACCEL_UNITS)),
+        axes=axes,
+        latitude=None if latitude_deg is None else math.radians(latitude_deg),
+        heading_true=None if heading_deg is None else math.radians(heading_deg),
+        session=texts.get("session", (None, 0))[0],
+        start_time_utc=texts.get("start_time_utc", (None, 0))[0],
+        samples=None if samples is None else int(samples),
+        rows_dropped=int(dropped or 0),
+        gaps=gaps(),
+    )
+    return facts, texts.get(SIGNATURE[0], ("", 0))[0] == SIGNATURE[1] and facts.gyro_unit == "rad/s"
+
+
+def _fields(line: str, head: TextHead) -> list[str]:
+    try:
+        return [field.strip() for field in next(csv.reader([line]))]
+    except (csv.Error, StopIteration):
+        raise InputError(f"Row {head.row + 1} of {head.name}: its quotation marks do not match.") from None
+
+
+def _reject_other_delimiter(line: str, titles: list[str], head: TextHead) -> None:
+    for delimiter, word in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
+        if line.count(delimiter) > line.count(",") and len(titles) < 4:
+            raise InputError(
+                f"Row {head.row} of {head.name}, the header, has {word} between its fields; commas are expected. "
+                "Save the file with commas between fields and points in numbers."
+            )
+
+
+def _trailing(titles: list[str], first_row: str, numeric: bool) -> tuple[bool, list[str]]:
+    """Whether rows end in a comma with nothing behind it, and the titles without such an empty one."""
+    if titles and not titles[-1] and not numeric:
+        titles = titles[:-1]
+    ends_in_comma = first_row.rstrip().endswith(",")
+    if numeric:
+        return ends_in_comma, titles[:-1] if ends_in_comma else titles
+    return ends_in_comma and first_row.count(",") == len(titles), titles
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text

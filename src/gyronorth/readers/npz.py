@@ -1,0 +1,141 @@
+"""Our binary files (.npz): a recording bit for bit, in SI and body axes."""
+
+from __future__ import annotations
+
+import math
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.readers.mat import DEFLATE_RATIO
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.source import FORCES, RATES, Bad, Block, Facts, Source
+from gyronorth.recording import Gap, InputError
+
+SCHEMA = "gyronorth.recording/1"
+#: Largest array read, bytes.
+LARGEST_ARRAY = 1 << 30
+_BLOCK_ROWS = 1 << 14
+_KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "session", "start_time_utc",
+         "rows_dropped", "gaps")  # fmt: skip
+_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+#: What zipfile, zlib and numpy raise on damaged files.
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, struct.error, ValueError, TypeError, KeyError, IndexError, OverflowError, EOFError,
+    OSError, RuntimeError, SyntaxError, MemoryError, tokenize.TokenError,
+)  # fmt: skip
+
+
+def open_npz(path: Path, options: ReadOptions) -> Source:
+    """Open a recording that `write` stored as .npz."""
+    if options.columns:
+        raise InputError(f"columns does not apply to {path.name}: an .npz recording names its own arrays.")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            arrays = {key: _member(archive, key, path) for key in _KEYS if f"{key}.npy" in names}
+    except InputError:
+        raise
+    except _DAMAGE as error:
+        detail = " ".join(str(error).split())[:100] or type(error).__name__
+        raise InputError(f"{path.name} cannot be read ({detail}): it is damaged, cut off, or no .npz file.") from None
+    if _text(arrays, "schema", path) != SCHEMA:
+        raise InputError(
+            f"{path.name} is an .npz file without schema = {SCHEMA!r}: gyronorth did not write it. "
+            "Store the recording as CSV or .mat instead."
+        )
+    rate_hz = _number(arrays, "rate_hz", path)
+    if "gyro_b" not in arrays or rate_hz is None:
+        raise InputError(f"{path.name} has no gyro_b or no rate_hz: it is damaged.")
+    gyro = _samples(arrays, "gyro_b", path)
+    accel = _samples(arrays, "accel_b", path) if "accel_b" in arrays else None
+    if accel is not None and len(accel) != len(gyro):
+        raise InputError(f"{path.name}: gyro_b has {len(gyro)} samples, accel_b {len(accel)}: it is damaged.")
+    return Source(
+        format="npz",
+        name=path.name,
+        columns=RATES if accel is None else (*RATES, *FORCES),
+        blocks=partial(_blocks, gyro, accel),
+        stated=Facts(
+            rate_hz=rate_hz,
+            gyro_unit="rad/s",
+            accel_unit="m/s2",
+            axes="frd",
+            latitude=_number(arrays, "latitude", path),
+            heading_true=_number(arrays, "heading_true", path),
+            session=_text(arrays, "session", path),
+            start_time_utc=_text(arrays, "start_time_utc", path),
+            rows_dropped=int(_number(arrays, "rows_dropped", path) or 0),
+            gaps=_gaps(arrays, path),
+        ),
+        ours=True,
+    )
+
+
+def _member(archive: zipfile.ZipFile, key: str, path: Path) -> NDArray[Any]:
+    """One array of the archive; sizes are checked against the file's before anything is allocated."""
+    info = archive.getinfo(f"{key}.npy")
+    if info.file_size > min(LARGEST_ARRAY, DEFLATE_RATIO * path.stat().st_size):
+        raise InputError(
+            f"{path.name}: {key} claims {info.file_size} bytes, which the file cannot hold or which exceed "
+            f"{LARGEST_ARRAY >> 20} MiB: it is damaged."
+        )
+    content = BytesIO(archive.read(info))
+    version = np.lib.format.read_magic(content)
+    if version not in _HEADERS:
+        raise ValueError(f"npy version {version}")
+    shape, _, dtype = _HEADERS[version](content)
+    if dtype.kind not in "fiuU" or math.prod(shape) * dtype.itemsize != info.file_size - content.tell():
+        raise ValueError(f"{key} is not the array of numbers or text that its header claims")
+    content.seek(0)
+    return np.lib.format.read_array(content, allow_pickle=False)
+
+
+def _samples(arrays: dict[str, NDArray[Any]], key: str, path: Path) -> NDArray[np.float64]:
+    samples = arrays[key]
+    if samples.dtype.kind not in "fiu" or samples.ndim != 2 or samples.shape[1] != 3 or len(samples) == 0:
+        raise InputError(f"{path.name}: {key} has shape {samples.shape} and type {samples.dtype}; (n, 3) is expected.")
+    return samples.astype(float, copy=False)
+
+
+def _number(arrays: dict[str, NDArray[Any]], key: str, path: Path) -> float | None:
+    if key not in arrays:
+        return None
+    value = arrays[key]
+    if value.shape != () or value.dtype.kind not in "fiu" or not np.isfinite(value):
+        raise InputError(f"{path.name}: {key} is {str(value)[:40]!r}; one finite number is expected.")
+    return float(value)
+
+
+def _text(arrays: dict[str, NDArray[Any]], key: str, path: Path) -> str | None:
+    if key not in arrays:
+        return None
+    value = arrays[key]
+    if value.shape != () or value.dtype.kind != "U":
+        raise InputError(f"{path.name}: {key} is {str(value)[:40]!r}; one text is expected.")
+    return str(value)
+
+
+def _gaps(arrays: dict[str, NDArray[Any]], path: Path) -> tuple[Gap, ...]:
+    if "gaps" not in arrays:
+        return ()
+    gaps = arrays["gaps"]
+    if gaps.dtype.kind != "f" or gaps.ndim != 2 or gaps.shape[1] != 2 or not np.isfinite(gaps).all():
+        raise InputError(f"{path.name}: gaps has shape {gaps.shape} and type {gaps.dtype}; (n, 2) is expected.")
+    return tuple(Gap(float(start), int(samples)) for start, samples in gaps)
+
+
+def _blocks(gyro: NDArray[np.float64], accel: NDArray[np.float64] | None) -> Iterator[Block]:
+    for start in range(0, len(gyro), _BLOCK_ROWS):
+        part = slice(start, start + _BLOCK_ROWS)
+        values = gyro[part] if accel is None else np.hstack([gyro[part], accel[part]])
+        yield Block(values, np.arange(start + 1, start + 1 + len(values)), Bad.none())

@@ -1,0 +1,155 @@
+"""What the user declares about a file that the file does not say."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.readers.axes import mat_bf
+from gyronorth.readers.source import FORCES, NAMES, RATES
+from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
+
+#: rad/s in one unit of angular rate.
+GYRO_UNITS = {"rad/s": 1.0, "deg/s": float(np.radians(1.0)), "deg/h": DEG_PER_HOUR}
+#: m/s^2 in one unit of specific force.
+ACCEL_UNITS = {"m/s2": 1.0, "g": STANDARD_GRAVITY}
+#: In place of a column's name: the file has it, and it is to be left alone.
+IGNORED = "-"
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Declarations about a file; None where the file itself is to tell.
+
+    Raises
+    ------
+    InputError
+        If a declaration is not one of the choices, or out of its range.
+    """
+
+    rate_hz: float | None = None  # sample rate, Hz; declares, never resamples
+    axes: str | None = None  # frd, flu, rfu, ... or a signed permutation such as +y+x-z
+    boresight: tuple[float, float, float] = (0.0, 0.0, 0.0)  # roll, pitch, yaw of the sensor in the vehicle, rad
+    gyro_unit: str | None = None  # deg/s, rad/s or deg/h
+    accel_unit: str | None = None  # m/s2 or g
+    increments: bool = False  # values are angle and velocity per sample: divide by the sample interval
+    columns: Mapping[str, str | int] | None = None  # our name -> name or number (from 0) in the file, "-" to ignore it
+    variable: str | None = None  # name of the array in a .mat file
+    latitude: float | None = None  # geodetic latitude, rad
+    drop_bad_rows: bool = False  # leave out rows that cannot be used, and count them
+    format: str | None = None  # name of the format; by default from suffix and content
+    window: tuple[float, float] | None = None  # only [start, end) of the file, s from its first sample
+
+    def __post_init__(self) -> None:
+        _among("gyro_unit", self.gyro_unit, GYRO_UNITS)
+        _among("accel_unit", self.accel_unit, ACCEL_UNITS)
+        if self.axes is not None:
+            mat_bf(self.axes)
+        if self.rate_hz is not None and not SLOWEST_RATE_HZ <= self.rate_hz <= FASTEST_RATE_HZ:
+            raise InputError(
+                f"The declared rate is {self.rate_hz:g} Hz; {SLOWEST_RATE_HZ:g} to {FASTEST_RATE_HZ:g} Hz is expected."
+            )
+        if self.latitude is not None and not abs(self.latitude) <= np.pi / 2:
+            raise InputError(f"The latitude is {np.degrees(self.latitude):g} deg; -90 to 90 deg is expected.")
+        if len(self.boresight) != 3 or not np.isfinite(self.boresight).all():
+            raise InputError(f"The boresight is {self.boresight}; three finite angles roll, pitch, yaw are expected.")
+        if self.window is not None and not 0 <= self.window[0] < self.window[1] < np.inf:
+            raise InputError(
+                f"The window is {self.window[0]:g}:{self.window[1]:g} s; START:END with 0 <= START < END is expected."
+            )
+        for name in self.columns or {}:
+            if name not in NAMES:
+                raise InputError(f"columns names {name!r}; the columns of a recording are {', '.join(NAMES)}.")
+
+
+def parse_columns(text: str) -> dict[str, str]:
+    """The map of `--columns`: "t=time,w_x=gx,..." -> {"t": "time", "w_x": "gx", ...}.
+
+    A name in the file may hold commas and equal signs: an entry begins at one of our
+    names followed by "=".
+    """
+    starts = list(re.finditer(rf"(?:^|,)\s*({'|'.join(NAMES)})\s*=", text))
+    if not starts or text[: starts[0].start()].strip():
+        raise InputError(f"columns is {text!r}; our name = name in the file is expected, as in t=time,w_x=gx,w_y=gy.")
+    ends = [match.start() for match in starts[1:]] + [len(text)]
+    columns: dict[str, str] = {}
+    for match, end in zip(starts, ends, strict=True):
+        name, value = match[1], text[match.end() : end].strip()
+        if name in columns or not value:
+            raise InputError(f"columns is {text!r}; {name} needs one name or number in the file.")
+        columns[name] = value
+    return columns
+
+
+def choose_columns(
+    header: list[str] | int, columns: Mapping[str, str | int] | None, aliases: Mapping[str, tuple[str, ...]], name: str
+) -> dict[str, int]:
+    """Positions of our columns in a file.
+
+    Parameters
+    ----------
+    header : list of str or int
+        Names in the file, or how many columns there are when they have no names.
+    columns : mapping or None
+        What the user declared: our name -> name in the file, or position from 0, or "-".
+    aliases : mapping
+        Our name -> names that the format uses for it, in order of preference.
+    name : str
+        File name, for messages.
+
+    Returns
+    -------
+    dict
+        Our name -> position from 0. Three rates always; three forces or none; t or not.
+    """
+    titles = header if isinstance(header, list) else []
+    width = len(titles) if titles else int(header)  # type: ignore[arg-type]
+    declared = dict(columns or {})
+    found: dict[str, int] = {}
+    for ours in NAMES:
+        if ours in declared:
+            if str(declared[ours]) != IGNORED:
+                found[ours] = _position(ours, declared[ours], titles, width, name)
+            continue
+        for alias in aliases.get(ours, ()):
+            if titles.count(alias) > 1:
+                raise InputError(f"The header of {name} has {titles.count(alias)} columns {alias}; which one is meant?")
+            if alias in titles:
+                found[ours] = titles.index(alias)
+                break
+    for triple, need in ((RATES, True), (FORCES, False)):
+        missing = [ours for ours in triple if ours not in found]
+        if missing and (need or len(missing) < 3):
+            has = f"its columns are {', '.join(titles)}" if titles else f"it has {width} columns without names"
+            raise InputError(
+                f"{name} has no column {', '.join(missing)}: {has}. Say which ones hold them, as in "
+                f"--columns {','.join(f'{ours}=NAME' for ours in missing)} (a number counts columns from 0)."
+            )
+    positions = list(found.values())
+    for ours, position in found.items():
+        if positions.count(position) > 1:
+            raise InputError(f"columns gives column {position} of {name} to {ours} and to another of our names.")
+    return found
+
+
+def _position(ours: str, wanted: str | int, titles: list[str], width: int, name: str) -> int:
+    if isinstance(wanted, str) and wanted in titles:
+        if titles.count(wanted) > 1:
+            raise InputError(
+                f"The header of {name} has {titles.count(wanted)} columns {wanted}; give a number instead."
+            )
+        return titles.index(wanted)
+    if re.fullmatch(r"[0-9]{1,6}", str(wanted)) and int(wanted) < width:
+        return int(wanted)
+    has = f"its columns are {', '.join(titles)}" if titles else f"its columns are numbered 0 to {width - 1}"
+    raise InputError(f"columns says {ours}={wanted}, but {name} has no such column: {has}.")
+
+
+def _among(name: str, value: str | None, choices: Mapping[str, float]) -> None:
+    if value is not None and value not in choices:
+        raise InputError(f"{name} is {value!r}; one of {', '.join(choices)} is expected.")

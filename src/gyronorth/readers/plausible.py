@@ -1,0 +1,196 @@
+"""Does what was declared fit what was measured? Units and axes against Earth rate and gravity.
+
+A body at rest senses Earth rate plus its gyro bias, and gravity. Good gyros (bias below Earth
+rate) therefore show their unit: the right one gives a norm near 15.04 deg/h. Poor ones do
+not, and are let through: the validity limits of the heading deal with them. Gravity shows
+the unit of any accelerometer, and which axis is vertical.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.readers.axes import convention, mat_bf
+from gyronorth.readers.declared import Declared
+from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
+from gyronorth.recording import InputError, Note
+
+#: A mean rate within this fraction of Earth rate tells that a unit is right.
+NEAR_EARTH_RATE = 0.25
+#: A mean rate beyond this factor above or below Earth rate tells that it may be wrong.
+FAR_FROM_EARTH_RATE = 8.0
+#: Mean rates (in Earth rates) and angle random walks (rad/sqrt(s)) that no gyro at rest shows.
+IMPLAUSIBLE_LOW, IMPLAUSIBLE_HIGH = 0.1, 2000.0
+IMPLAUSIBLE_ARW = 30 * DEG_PER_SQRT_HOUR
+#: The same for the unit proposed in place of an implausible one.
+PROPOSED_LOW, PROPOSED_HIGH = 0.3, 1000.0
+PROPOSED_ARW_LOW, PROPOSED_ARW_HIGH = 1e-5 * DEG_PER_SQRT_HOUR, 10 * DEG_PER_SQRT_HOUR
+#: Mean specific force of a body at rest, in g: wide for poor accelerometers and moving vehicles.
+FORCE_LOW, FORCE_HIGH = 0.7, 1.4
+#: The same for the unit proposed in place of an implausible one.
+PROPOSED_FORCE_LOW, PROPOSED_FORCE_HIGH = 0.9, 1.1
+#: Share of gravity along body down below which the axes are suspect: a tilt of 60 deg.
+SUSPECT_DOWN_SHARE = 0.5
+#: Parts into which a recording is cut; the median of their means ignores a drive or a turn in some of them.
+PARTS = 21
+
+
+def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: float, name: str) -> None:
+    """Compare mean and noise with Earth rate and gravity under the declared and the other units.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n, 3) or (n, 6)
+        Angular rate, rad/s, and specific force, m/s^2, by the declared units.
+
+    Raises
+    ------
+    InputError
+        If the declared unit is implausible; it names the one that is not.
+    """
+    gyro, gyro_error = _robust_mean(samples[:, :3])
+    force = vertical = None
+    if samples.shape[1] == 6:
+        force, _ = _robust_mean(samples[:, 3:])
+        _check_force(float(np.linalg.norm(force)), declared, rate_hz=rate_hz, name=name)
+        vertical = float(gyro @ force / np.linalg.norm(force))
+    norm, noise = float(np.linalg.norm(gyro)) / EARTH_RATE, _white_noise(samples[:, :3], rate_hz)
+    uncertain = float(np.linalg.norm(gyro_error)) / EARTH_RATE
+    implausible = norm > IMPLAUSIBLE_HIGH or noise > IMPLAUSIBLE_ARW or (norm + 3 * uncertain < IMPLAUSIBLE_LOW)
+    likely, possible = [], []
+    for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.increments, rate_hz):
+        certain = uncertain * factor < NEAR_EARTH_RATE
+        near = abs(norm * factor - 1) < NEAR_EARTH_RATE and certain
+        if near and vertical is not None and declared.latitude is not None:
+            near = abs(vertical * factor / EARTH_RATE - np.sin(declared.latitude)) < NEAR_EARTH_RATE
+        if near and not 1 / FAR_FROM_EARTH_RATE < norm < FAR_FROM_EARTH_RATE:
+            likely.append(_words("gyro", unit, increments, declared))
+        elif PROPOSED_LOW < norm * factor < PROPOSED_HIGH and (
+            noise == 0 or PROPOSED_ARW_LOW < noise * factor < PROPOSED_ARW_HIGH
+        ):
+            possible.append(_words("gyro", unit, increments, declared))
+    proposed = likely or (possible if implausible else [])
+    if proposed:
+        raise InputError(
+            f"{name}: the mean angular rate is {norm * EARTH_RATE / DEG_PER_HOUR:.4g} deg/h and its angle random walk "
+            f"{noise / DEG_PER_SQRT_HOUR:.2g} deg/sqrt(h) if {_words('gyro', declared.gyro_unit, declared.increments)} "
+            f"is right; a gyro at rest shows Earth rate, 15.04 deg/h, and its bias. {' or '.join(proposed)} fits. "
+            "(If the declaration is right, the bias hides Earth rate and no heading can be had.)"
+        )
+
+
+def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -> tuple[Note, ...]:
+    """Which axis gravity lies along, against the axes: no note, or one `axes_suspect`.
+
+    `samples`, shape (n, 6), are in file axes. A sensor that lies upside down looks the same
+    as one with z up, and the heading of its x axis comes out the same; but right-forward-up
+    taken for forward-right-down would be a right angle off. So the note is blocking where
+    nobody declared the axes.
+    """
+    force_file, _ = _robust_mean(samples[:, 3:])
+    down = -float((mat_bf(declared.axes) @ force_file)[2] / np.linalg.norm(force_file))
+    if down >= SUSPECT_DOWN_SHARE:
+        return ()
+    vertical = int(np.argmax(np.abs(force_file)))
+    message = (
+        f"The mean specific force of {name} is ({', '.join(f'{value:+.2f}' for value in force_file)}) m/s^2 in file "
+        f"axes: its {'xyz'[vertical]} axis points {'up' if force_file[vertical] > 0 else 'down'}, which does not fit "
+        f"axes {declared.axes}. Most likely the file has other axes: {_vertical_conventions(force_file)}. "
+    )
+    if declared.axes_declared:
+        message += "With those the heading is another one; it is right if the sensor is really mounted that way round."
+    else:
+        message += (
+            f"Declare them: --axes with one of these, or --axes {declared.axes} if the sensor is really mounted that "
+            "way round. (If the file holds gravity instead of specific force, leave its f columns out.)"
+        )
+    return (Note("axes_suspect", message, value=down, limit=SUSPECT_DOWN_SHARE, blocking=not declared.axes_declared),)
+
+
+def _vertical_conventions(force_file: NDArray[np.float64]) -> str:
+    """The usual conventions, as --axes wants them, whose down is where gravity points."""
+    axis = int(np.argmax(np.abs(force_file)))
+    up = force_file[axis] > 0
+    if axis == 2:
+        return "flu (forward-left-up) or rfu (right-forward-up)" if up else "frd (forward-right-down)"
+    # Body down is the file axis that points down; forward is one of the two others, either way round.
+    down = f"{'-' if up else '+'}{'xyz'[axis]}"
+    found = []
+    for forward in (index for index in range(3) if index != axis):
+        for sign in "+-":
+            right = 3 - axis - forward
+            for right_sign in "+-":
+                text = f"{sign}{'xyz'[forward]}{right_sign}{'xyz'[right]}{down}"
+                try:
+                    found.append(f"{text} ({convention(mat_bf(text))})")
+                except InputError:  # the left-handed one of the pair
+                    continue
+    return " or ".join(found)
+
+
+def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) -> None:
+    """Mean specific force, m/s^2, against gravity."""
+    share = size / STANDARD_GRAVITY
+    if FORCE_LOW <= share <= FORCE_HIGH:
+        return
+    proposed = [
+        _words("accel", unit, increments, declared)
+        for unit, increments, factor in _others(ACCEL_UNITS, declared.accel_unit, declared.increments, rate_hz)
+        if PROPOSED_FORCE_LOW <= share * factor <= PROPOSED_FORCE_HIGH
+    ]
+    cure = (
+        f"{' or '.join(proposed)} fits."
+        if proposed
+        else "No other unit fits: has gravity been taken out, or is the accelerometer off? Without it, leave the f "
+        "columns out (--columns f_x=-,f_y=-,f_z=-) and give --roll and --pitch."
+    )
+    raise InputError(
+        f"{name}: the mean specific force is {size:.4g} m/s^2 if "
+        f"{_words('accel', declared.accel_unit, declared.increments)} is right; at rest it is gravity, "
+        f"{STANDARD_GRAVITY:.2f} m/s^2 ({FORCE_LOW:g} to {FORCE_HIGH:g} times that is accepted). {cure}"
+    )
+
+
+def _others(units: dict[str, float], unit: str, increments: bool, rate_hz: float) -> Iterator[tuple[str, bool, float]]:
+    """Other readings of the same numbers: unit, whether increments, and the factor on the values."""
+    for other_increments in (increments, not increments):
+        per_second = {(False, False): 1.0, (True, True): 1.0, (False, True): rate_hz, (True, False): 1 / rate_hz}
+        for other, scale in units.items():
+            if (other, other_increments) != (unit, increments):
+                yield other, other_increments, scale / units[unit] * per_second[increments, other_increments]
+
+
+def _words(sensor: str, unit: str, increments: bool, declared: Declared | None = None) -> str:
+    """A reading as the command line declares it; with `declared`, only what would have to change."""
+    words = f"--{sensor}-unit {unit}"
+    if declared is None:
+        return f"{words} --increments" if increments else words
+    if unit == (declared.gyro_unit if sensor == "gyro" else declared.accel_unit):
+        words = ""
+    if increments != declared.increments:
+        words += " --increments" if increments else " without --increments"
+    return words.strip()
+
+
+def _robust_mean(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Median of the means of `PARTS` parts, shape (3,), and its standard error."""
+    parts = min(PARTS, len(samples))
+    size = len(samples) // parts
+    means = samples[: parts * size].reshape(parts, size, 3).mean(axis=1)
+    # 1.253 = sqrt(pi / 2): the standard error of a median over that of a mean, for Gaussian parts.
+    error = 1.253 * means.std(axis=0, ddof=1) / np.sqrt(parts) if parts > 1 else np.full(3, np.inf)
+    return np.median(means, axis=0), error
+
+
+def _white_noise(gyro: NDArray[np.float64], rate_hz: float) -> float:
+    """Angle random walk, rad/sqrt(s), from first differences: their median size ignores a drive."""
+    if len(gyro) < 2:
+        return 0.0
+    size = np.median(np.abs(np.diff(gyro, axis=0)), axis=0)
+    # A Gaussian difference of standard deviation s sqrt(2) has a median size of 0.6745 s sqrt(2).
+    return float(np.median(size)) / (0.6745 * np.sqrt(2)) / np.sqrt(rate_hz)

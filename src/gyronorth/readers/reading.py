@@ -1,0 +1,272 @@
+"""Read a recording: the whole file at once, or chunk after chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.readers.declared import Declared, resolve
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.registry import open_source
+from gyronorth.readers.regularise import JITTER, Regulariser
+from gyronorth.readers.source import Source
+from gyronorth.recording import Gap, InputError, Note, Recording, clip_gaps, gap_notes, shift_utc
+
+#: Samples per chunk by default: 24 bytes a triad and sample, so a few MiB.
+CHUNK_SAMPLES = 1 << 16
+
+
+@dataclass(frozen=True)
+class RecordingInfo:
+    """What is known of a file before its samples are read."""
+
+    source: str  # file name
+    format: str  # name of the format
+    columns: tuple[str, ...]  # of t, w_x ... f_z, those the file has
+    rate_hz: float  # Hz
+    gyro_unit: str  # in the file
+    accel_unit: str | None  # in the file; None without an accelerometer
+    axes: str  # in the file, three letters
+    axes_declared: bool  # by the user or in the file, not by the format's convention
+    increments: bool  # whether the file holds increments
+    latitude: float | None  # rad
+    heading_true: float | None  # rad
+    session: str | None
+    start_time_utc: str | None
+    notes: tuple[Note, ...] = field(default=())  # remarks on the axes, from the first chunk
+
+
+def read(path: str | Path, options: ReadOptions | None = None, **declared: Any) -> Recording:
+    """Read a recording.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file in any known format: .csv, .imu (PSINS), .txt (MT Manager), .mat, .npz.
+    options : ReadOptions, optional
+        What the file does not say about itself.
+    **declared
+        The fields of `ReadOptions` by name, instead of `options`: rate_hz, axes, gyro_unit,
+        accel_unit, columns, ...
+
+    Returns
+    -------
+    Recording
+        SI, body axes forward-right-down, uniform in time.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or what it holds cannot be or is not known.
+    """
+    reading = _Reading(path, _options(options, declared))
+    pieces = [samples for samples in reading.samples() if len(samples)]
+    regulariser = reading.regulariser
+    regulariser.finish()
+    samples = np.concatenate(pieces)
+    notes = reading.check(samples)
+    return reading.recording(
+        samples, first=0, gaps=tuple(regulariser.gaps), rows_dropped=regulariser.rows_dropped, notes=notes
+    )
+
+
+def read_chunks(
+    path: str | Path, options: ReadOptions | None = None, *, chunk_samples: int = CHUNK_SAMPLES, **declared: Any
+) -> tuple[RecordingInfo, Iterator[Recording]]:
+    """Read a long recording in chunks; concatenated they are what `read` returns.
+
+    Parameters
+    ----------
+    path, options, **declared
+        As for `read`.
+    chunk_samples : int
+        Samples per chunk; the last one may be shorter.
+
+    Returns
+    -------
+    info : RecordingInfo
+        What is known before the samples.
+    chunks : iterator of Recording
+        Each with its own start time, gaps and dropped rows.
+
+    Raises
+    ------
+    InputError
+        As for `read`, here or while iterating: a chunk is checked when it is made, and the
+        shares of missing and of dropped rows at the end. Units and axes are judged from
+        the first chunk alone.
+    """
+    if chunk_samples < 1:
+        raise InputError(f"chunk_samples is {chunk_samples}; at least 1 is expected.")
+    reading = _Reading(path, _options(options, declared))
+    stream = _rechunked(reading, chunk_samples)
+    first = next(stream)
+    notes = reading.check(first)
+    source, resolved, stated = reading.source, reading.declared, reading.source.stated
+    info = RecordingInfo(
+        source=source.name,
+        format=source.format,
+        columns=source.columns,
+        rate_hz=reading.rate_hz,
+        gyro_unit=resolved.gyro_unit,
+        accel_unit=resolved.accel_unit or None,
+        axes=resolved.axes,
+        axes_declared=resolved.axes_declared,
+        increments=resolved.increments,
+        latitude=resolved.latitude,
+        heading_true=resolved.heading_true,
+        session=stated.session,
+        start_time_utc=reading.start_time(0),
+        notes=notes,
+    )
+    return info, _chunks(reading, first, stream, notes)
+
+
+class _Reading:
+    """One pass through a file."""
+
+    def __init__(self, path: str | Path, options: ReadOptions) -> None:
+        self.options = options
+        self.source: Source = open_source(path, options)
+        self.declared: Declared = resolve(self.source, options)
+        self.regulariser = Regulariser(self.source, self.declared, options)
+
+    @property
+    def rate_hz(self) -> float:
+        if self.regulariser.rate_hz is None:
+            raise InputError(f"{self.source.name} holds no rows of data.")
+        return self.regulariser.rate_hz
+
+    def samples(self) -> Iterator[NDArray[np.float64]]:
+        """SI samples in file axes, block after block."""
+        try:
+            for block in self.source.blocks():
+                yield self.regulariser.push(block)
+                if self.regulariser.done:
+                    break
+        except OSError as error:
+            raise InputError(f"{self.source.name} cannot be read: {error}.") from None
+        expected = self.source.stated.samples
+        if expected is not None and self.options.window is None and not self.options.drop_bad_rows:
+            self.regulariser.raise_bad()
+            if self.regulariser.rows != expected:
+                raise InputError(
+                    f"{self.source.name} states {expected} samples but has {self.regulariser.rows} rows: it is cut off "
+                    "or damaged. Pass --drop-bad-rows to take what there is."
+                )
+
+    def check(self, samples: NDArray[np.float64]) -> tuple[Note, ...]:
+        """Units and axes against Earth rate and gravity."""
+        if not (self.source.ours and self.source.stated.gyro_unit == "rad/s"):
+            check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
+        return check_axes(samples, self.declared, name=self.source.name) if samples.shape[1] == 6 else ()
+
+    def start_time(self, first: int) -> str | None:
+        """UTC of a sample, counted from the first one returned."""
+        stated = self.source.stated.start_time_utc
+        before = self.regulariser.leading / self.rate_hz + (self.options.window[0] if self.options.window else 0.0)
+        return shift_utc(stated, before + first / self.rate_hz)
+
+    def recording(
+        self,
+        samples: NDArray[np.float64],
+        *,
+        first: int,
+        gaps: tuple[Gap, ...],
+        rows_dropped: int,
+        notes: tuple[Note, ...],
+    ) -> Recording:
+        """The recording of `samples`, of which the first is sample `first` of those returned."""
+        stated, rate_hz = self.source.stated, self.rate_hz
+        offset = round(self.options.window[0] * rate_hz) if self.options.window else 0
+        gaps += clip_gaps(stated.gaps, offset + first, offset + first + len(samples), rate_hz=rate_hz)
+        if first == 0:
+            rows_dropped += stated.rows_dropped
+        parts = [samples[:, :3], samples[:, 3:] if samples.shape[1] == 6 else None]
+        mat = self.declared.mat_vf
+        if mat is not None:
+            parts = [None if part is None else _turned(part, mat) for part in parts]
+        gyro, accel = (None if part is None else np.ascontiguousarray(part) for part in parts)
+        assert gyro is not None
+        return Recording(
+            gyro_b=gyro,
+            accel_b=accel,
+            rate_hz=rate_hz,
+            latitude=self.declared.latitude,
+            heading_true=self.declared.heading_true,
+            session=stated.session,
+            start_time_utc=self.start_time(first),
+            source=self.source.name,
+            rows_dropped=rows_dropped,
+            gaps=gaps,
+            notes=(*notes, *self._notes(len(samples), gaps, rows_dropped)),
+        )
+
+    def _notes(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
+        notes = gap_notes(gaps, samples=samples)
+        if rows_dropped:
+            message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
+            notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
+        if self.regulariser.jitter > JITTER:
+            message = (
+                f"The time stamps of {self.source.name} scatter by {self.regulariser.jitter:.2f} sample intervals "
+                "about an even grid; the samples are taken as evenly spaced."
+            )
+            notes += (Note("time_jitter", message, value=self.regulariser.jitter, limit=JITTER),)
+        return notes
+
+
+def _options(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOptions:
+    if options is not None and declared:
+        raise TypeError("Give options or single declarations, not both.")
+    unknown = set(declared) - {item.name for item in fields(ReadOptions)}
+    if unknown:
+        known = ", ".join(item.name for item in fields(ReadOptions))
+        raise TypeError(f"read() has no declaration {', '.join(sorted(unknown))}; there are {known}.")
+    return options or ReadOptions(**declared)
+
+
+def _rechunked(reading: _Reading, chunk_samples: int) -> Iterator[NDArray[np.float64]]:
+    """Samples in pieces of `chunk_samples`; bad rows are complained of as they come."""
+    held: list[NDArray[np.float64]] = []
+    count = 0
+    for samples in reading.samples():
+        reading.regulariser.raise_bad()
+        held.append(samples)
+        count += len(samples)
+        while count >= chunk_samples:
+            joined = np.concatenate(held)
+            yield joined[:chunk_samples]
+            held, count = [joined[chunk_samples:]], count - chunk_samples
+    reading.regulariser.finish()
+    if count:
+        yield np.concatenate(held)
+
+
+def _chunks(
+    reading: _Reading, first: NDArray[np.float64], stream: Iterator[NDArray[np.float64]], notes: tuple[Note, ...]
+) -> Iterator[Recording]:
+    start = dropped = 0
+    samples: NDArray[np.float64] | None = first
+    while samples is not None:
+        end = start + len(samples)
+        gaps = clip_gaps(reading.regulariser.gaps, start, end, rate_hz=reading.rate_hz)
+        yield reading.recording(
+            samples, first=start, gaps=gaps, rows_dropped=reading.regulariser.rows_dropped - dropped, notes=notes
+        )
+        dropped, start = reading.regulariser.rows_dropped, end
+        reading.regulariser.forget_gaps(before=end / reading.rate_hz)
+        samples = next(stream, None)
+
+
+def _turned(samples: NDArray[np.float64], mat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (n, 3) in other axes; exact where `mat` only swaps and flips axes."""
+    if np.isin(mat, (-1.0, 0.0, 1.0)).all():
+        return samples[:, np.abs(mat).argmax(axis=1)] * mat.sum(axis=1)
+    return samples @ mat.T

@@ -1,0 +1,85 @@
+"""What a format reader hands over: the facts of a file and its rows in blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.recording import Gap
+
+#: The columns of a recording by our names: time, angular rate, specific force.
+TIME = "t"
+RATES = ("w_x", "w_y", "w_z")
+FORCES = ("f_x", "f_y", "f_z")
+NAMES = (TIME, *RATES, *FORCES)
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of a file: stated in it, or usual for its format. Angles in rad."""
+
+    rate_hz: float | None = None  # Hz
+    gyro_unit: str | None = None  # deg/s, rad/s or deg/h
+    accel_unit: str | None = None  # m/s2 or g
+    axes: str | None = None  # as in `axes.mat_bf`
+    increments: bool = False  # values are per sample, not per second
+    latitude: float | None = None  # rad
+    heading_true: float | None = None  # rad
+    session: str | None = None
+    start_time_utc: str | None = None
+    samples: int | None = None  # number of rows the file should hold
+    rows_dropped: int = 0  # rows that were left out before the file was written
+    gaps: tuple[Gap, ...] = ()  # gaps that were bridged before the file was written
+
+
+@dataclass(frozen=True)
+class Bad:
+    """Rows that cannot be used: their numbers, and the reasons of the first few."""
+
+    rows: NDArray[np.int64]  # (k,) row numbers as the user counts them
+    reasons: tuple[tuple[int, str], ...] = ()  # (row, reason)
+
+    @classmethod
+    def none(cls) -> Bad:
+        """No bad row."""
+        return cls(np.zeros(0, dtype=np.int64))
+
+
+#: How many bad rows are described one by one.
+DESCRIBED = 5
+
+
+@dataclass(frozen=True)
+class Block:
+    """Consecutive rows of a file."""
+
+    values: NDArray[np.float64]  # (m, k) numbers, columns as `Source.columns`
+    rows: NDArray[np.int64]  # (m,) row numbers as the user counts them
+    bad: Bad  # rows between these that do not hold the right number of numbers
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How the column `t` counts time."""
+
+    unit: float | None  # s per unit; None: it counts samples, the rate must come from elsewhere
+    wrap: float | None = None  # the value at which it starts again from 0
+    name: str = TIME  # its name in the file, for messages
+
+
+@dataclass(frozen=True)
+class Source:
+    """An opened recording, before any check of its values."""
+
+    format: str  # name of the format
+    name: str  # of the file, for messages
+    columns: tuple[str, ...]  # names (of NAMES) of the columns of each block
+    blocks: Callable[[], Iterator[Block]]  # starts reading; each block of bounded size
+    stated: Facts  # what the file says: a contradiction with a declaration is an error
+    usual: Facts = Facts()  # what its format implies: a declaration overrules it
+    clock: Clock | None = None  # meaning of column t; None when there is none
+    ours: bool = False  # written by gyronorth, in SI
+    truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone

@@ -1,0 +1,217 @@
+"""Numbers from text files: the leading lines one by one, then blocks of rows at a time.
+
+A block of regular rows is parsed in one call; only a block that fails is taken apart row by
+row, to say which row is bad and why.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.readers.source import DESCRIBED, Bad, Block
+from gyronorth.recording import InputError
+
+#: Bytes read at a time: about 15,000 rows of six values.
+BLOCK_BYTES = 1 << 20
+#: A longer line is no row of numbers.
+LONGEST_LINE = 1 << 16
+
+
+class TextHead:
+    """The leading lines of a text file, as a context manager that remembers where it stopped."""
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name
+        self.row = 0  # lines taken so far
+        self.offset = 0  # bytes taken so far
+        self._path = path
+
+    def __enter__(self) -> TextHead:
+        self._file = self._path.open("rb")
+        start = self._file.read(4)
+        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            self._file.close()
+            raise InputError(f"{self.name} is UTF-16 text; save it as UTF-8.")
+        self.offset = 3 if start[:3] == b"\xef\xbb\xbf" else 0
+        self._file.seek(self.offset)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def peek(self) -> str | None:
+        """The next line without its end; None at the end of the file."""
+        self._file.seek(self.offset)
+        line = self._file.readline(LONGEST_LINE + 1)
+        if len(line) > LONGEST_LINE:
+            raise InputError(
+                f"Row {self.row + 1} of {self.name} is longer than {LONGEST_LINE} characters. "
+                "Lines that end in LF or CRLF are expected: is it another format?"
+            )
+        self._next = len(line)
+        if not line:
+            return None
+        if b"\x00" in line:
+            raise InputError(
+                f"Row {self.row + 1} of {self.name} holds zero bytes: the file is damaged or not a text file."
+            )
+        try:
+            return line.decode().rstrip("\r\n")
+        except UnicodeDecodeError as error:
+            raise InputError(
+                f"Row {self.row + 1} of {self.name} holds the byte 0x{line[error.start]:02x}, which is not UTF-8. "
+                "Save the file as UTF-8, or take the special characters out."
+            ) from None
+
+    def take(self) -> str | None:
+        """Like `peek`, and go past the line."""
+        line = self.peek()
+        if line is not None:
+            self.offset += self._next
+            self.row += 1
+        return line
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a row is laid out."""
+
+    titles: tuple[str, ...]  # names of all fields, for messages
+    use: tuple[int, ...]  # positions of the fields that are read, in the order of the block's columns
+    delimiter: str | None  # None: any white space
+    trailing: bool = False  # rows end in a delimiter with nothing behind it
+
+
+def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[Block]:
+    """Blocks of the rows behind `offset` bytes and `row` lines of the file."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        rest = b""
+        while True:
+            data = file.read(BLOCK_BYTES)
+            end = len(data) < BLOCK_BYTES
+            data = rest + data
+            cut = len(data) if end else data.rfind(b"\n") + 1
+            data, rest = data[:cut], data[cut:]
+            if len(rest) > LONGEST_LINE:
+                last = row + data.count(b"\n")
+                raise InputError(
+                    f"{path.name} has a line of more than {LONGEST_LINE} characters after row {last}: it is damaged."
+                )
+            if end:
+                data = data.rstrip()  # blank lines at the end are no rows
+            if data:
+                data = data.replace(b"\r\n", b"\n")
+                yield parse_block(data, row + 1, layout)
+                row += data.count(b"\n")
+            if end:
+                return
+
+
+def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:
+    """The rows in `data`, lines that end in LF; `first_row` is the number of the first."""
+    if not data.endswith(b"\n"):
+        data += b"\n"
+    values = _parse_regular(data, layout)
+    if values is None:
+        return _parse_each(data, first_row, layout)
+    return Block(values, np.arange(first_row, first_row + len(values)), Bad.none())
+
+
+def _parse_regular(data: bytes, layout: Layout) -> NDArray[np.float64] | None:
+    """All rows in one call, or None where any of them is irregular."""
+    width = len(layout.titles) + layout.trailing
+    if layout.delimiter is not None and not _has_width(data, layout.delimiter, width):
+        return None
+    try:
+        lines = data.decode().split("\n")[:-1]
+        # Without a delimiter every field is read: numpy then insists on equal widths.
+        use = layout.use if layout.delimiter is not None else None
+        values = np.loadtxt(lines, delimiter=layout.delimiter, usecols=use, comments=None, quotechar='"', ndmin=2)
+    except ValueError:  # UnicodeDecodeError is one
+        return None
+    if use is None:
+        if values.shape[1] != width:
+            return None
+        values = values[:, layout.use]
+    blank_behind = not layout.trailing or all(line.rstrip().endswith(str(layout.delimiter)) for line in lines)
+    return values if len(values) == len(lines) and blank_behind else None
+
+
+def _has_width(data: bytes, delimiter: str, width: int) -> bool:
+    """Whether every line has `width` fields, from the pattern of delimiters and line ends."""
+    symbols = np.frombuffer(data, dtype=np.uint8)
+    separators = symbols[(symbols == ord(delimiter)) | (symbols == ord("\n"))]
+    if len(separators) % width:
+        return False
+    separators = separators.reshape(-1, width)
+    return bool((separators[:, -1] == ord("\n")).all() and (separators[:, :-1] == ord(delimiter)).all())
+
+
+def _parse_each(data: bytes, first_row: int, layout: Layout) -> Block:
+    """Row by row: the good ones, and what is wrong with the others."""
+    values: list[list[float]] = []
+    rows: list[int] = []
+    bad: list[int] = []
+    reasons: list[tuple[int, str]] = []
+    lines = data.split(b"\n")[:-1]
+    for row, line in enumerate(lines, start=first_row):
+        parsed = _parse_row(line, layout)
+        if isinstance(parsed, str):
+            bad.append(row)
+            if len(reasons) < DESCRIBED:
+                reasons.append((row, parsed))
+        else:
+            values.append(parsed)
+            rows.append(row)
+    return Block(
+        np.array(values, dtype=float).reshape(len(values), len(layout.use)),
+        np.array(rows, dtype=np.int64),
+        Bad(np.array(bad, dtype=np.int64), tuple(reasons)),
+    )
+
+
+def _parse_row(line: bytes, layout: Layout) -> list[float] | str:
+    """The values of one row, or what is wrong with it."""
+    try:
+        text = line.decode()
+    except UnicodeDecodeError as error:
+        return f"it holds the byte 0x{line[error.start]:02x}, which is not UTF-8 text"
+    if not text.strip():
+        return "it is empty"
+    if "\x00" in text:
+        return "it holds zero bytes"
+    try:
+        fields = text.split() if layout.delimiter is None else next(csv.reader([text], delimiter=layout.delimiter))
+    except (csv.Error, StopIteration):
+        return "its quotation marks do not match"
+    if layout.trailing and len(fields) > len(layout.titles) and not fields[-1].strip():
+        fields = fields[:-1]
+    if len(fields) != len(layout.titles):
+        return f"it has {len(fields)} fields; {len(layout.titles)} are expected{_likely_cause(text, fields, layout)}"
+    values = []
+    for position in layout.use:
+        try:
+            if "_" in fields[position]:
+                raise ValueError
+            values.append(float(fields[position]))
+        except ValueError:
+            shown = fields[position] if len(fields[position]) <= 40 else fields[position][:37] + "..."
+            return f"{layout.titles[position] or f'field {position + 1}'} is {shown!r}; a number is expected"
+    return values
+
+
+def _likely_cause(text: str, fields: list[str], layout: Layout) -> str:
+    if layout.delimiter == "," and ";" in text:
+        return " (semicolons between fields? commas are expected)"
+    if layout.delimiter == "," and "\t" in text:
+        return " (tabs between fields? commas are expected)"
+    if layout.delimiter == "," and len(fields) in (2 * len(layout.titles), 2 * len(layout.titles) - 1):
+        return " (decimal commas? decimal points are expected)"
+    return " (cut off?)" if len(fields) < len(layout.titles) else ""

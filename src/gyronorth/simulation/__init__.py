@@ -1,0 +1,200 @@
+"""Recordings of a unit on the rotating Earth from a sensor model, with truth.
+
+measured = (1 + scale + misalignment) true + g-sensitivity x specific force + `sensor_errors`,
+limited to the range, then quantised. One run is one power-up: turn-on bias, scale factor,
+misalignment and g-sensitivity are drawn anew for each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gyronorth.angles import wrap_heading
+from gyronorth.recording import InputError, Recording
+from gyronorth.sensor import Sensor, TriadErrors, read_sensor
+from gyronorth.simulation.motion import DISTURBANCES, Motion, sway, true_motion
+from gyronorth.simulation.noise import Law, draw, sensor_errors
+
+__all__ = ["DISTURBANCES", "Motion", "sensor_errors", "simulate", "simulate_batch", "sway"]
+
+Array = NDArray[np.float64]
+# Values of one triad that are worked on at once: 32 MB, so that temporaries stay small beside the result.
+_CHUNK = 4_000_000
+
+
+def simulate(
+    sensor: Sensor | str,
+    *,
+    latitude: float,
+    heading: float,
+    duration: float,
+    rate_hz: float,
+    rng: np.random.Generator,
+    roll: float = 0.0,
+    pitch: float = 0.0,
+    motion: Motion | None = None,
+    accel: bool = True,
+) -> Recording:
+    """A recording of one power-up, with truth.
+
+    Parameters
+    ----------
+    sensor : Sensor or str
+        Sensor model, name of a built-in profile, or profile file.
+    latitude : float
+        Geodetic latitude, rad; negative in the southern hemisphere.
+    heading : float
+        Heading of the body x axis at the start, rad, clockwise from true north.
+    duration, rate_hz : float
+        Length, s, and sample rate, Hz.
+    rng : numpy.random.Generator
+        Source of randomness.
+    roll, pitch : float
+        Attitude of the undisturbed unit, rad.
+    motion : Motion, optional
+        Turns about the vertical and disturbance; standing still by default.
+    accel : bool
+        Whether the recording has specific force.
+
+    Returns
+    -------
+    Recording
+        With `latitude`, `heading_true` (at the end, undisturbed) and a `session` of its own.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range or a turn outlasts the recording.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> recording = simulate("sdc500", latitude=0.56, heading=1.0, duration=10, rate_hz=100, rng=rng)
+    >>> recording.gyro_b.shape, recording.heading_true
+    ((1000, 3), 1.0)
+    """
+    sensor, motion = read_sensor(sensor), motion or Motion()
+    gyro_b, accel_b = simulate_batch(
+        sensor,
+        runs=1,
+        latitude=latitude,
+        heading=heading,
+        duration=duration,
+        rate_hz=rate_hz,
+        rng=rng,
+        roll=roll,
+        pitch=pitch,
+        motion=motion,
+        accel=accel,
+    )
+    return Recording(
+        gyro_b=gyro_b[0],
+        accel_b=None if accel_b is None else accel_b[0],
+        rate_hz=float(rate_hz),
+        latitude=float(latitude),
+        heading_true=float(wrap_heading(heading + motion.total_angle)),
+        session=f"simulated-{rng.integers(2**32):08x}",
+        source=f"simulated {sensor.name}",
+    )
+
+
+def simulate_batch(
+    sensor: Sensor | str,
+    *,
+    runs: int,
+    latitude: ArrayLike,
+    heading: ArrayLike,
+    duration: float,
+    rate_hz: float,
+    rng: np.random.Generator,
+    roll: ArrayLike = 0.0,
+    pitch: ArrayLike = 0.0,
+    motion: Motion | None = None,
+    accel: bool = True,
+) -> tuple[Array, Array | None]:
+    """Many independent power-ups at once, for Monte Carlo studies.
+
+    Parameters are those of `simulate`; `latitude`, `heading`, `roll` and `pitch` may also have one
+    value per run, shape (runs,). Temporaries are bounded, the result is not: 24 bytes per sample
+    and triad. Parallel work takes one `rng.spawn` child per batch.
+
+    Returns
+    -------
+    gyro_b : ndarray, shape (runs, samples, 3)
+        Mean angular rate over each sample's interval, rad/s.
+    accel_b : ndarray, shape (runs, samples, 3), or None
+        Mean specific force, m/s^2; None if `accel` is false.
+    """
+    sensor, motion = read_sensor(sensor), motion or Motion()
+    samples = _check(runs, latitude, pitch, duration, rate_hz, motion)
+    pose = np.stack([np.broadcast_to(np.asarray(a, dtype=float), (runs,)) for a in (latitude, roll, pitch, heading)])
+    if not np.isfinite(pose).all():
+        raise InputError("latitude, roll, pitch and heading must be finite angles in rad.")
+    gyro_b = np.empty((runs, samples, 3))
+    accel_b = np.empty((runs, samples, 3)) if accel else None
+    rows = max(1, _CHUNK // (3 * samples))
+    for first in range(0, runs, rows):
+        part = slice(first, first + rows)
+        truth = true_motion(motion, pose[:, part], samples, rate_hz, rng=rng)
+        shape = (pose[:, part].shape[1], samples)
+        sensitivity = sensor.g_sensitivity * rng.standard_normal((shape[0], 3, 3))
+        bias = truth.accel_b @ np.swapaxes(sensitivity, -1, -2) if sensor.g_sensitivity else np.zeros((1, 1, 3))
+        gyro_b[part] = _measure(sensor.gyro, truth.gyro_b, bias, shape, rate_hz, rng=rng)
+        if accel_b is not None:
+            accel_b[part] = _measure(sensor.accel, truth.accel_b, np.zeros((1, 1, 3)), shape, rate_hz, rng=rng)
+    return gyro_b, accel_b
+
+
+def _check(runs: int, latitude: ArrayLike, pitch: ArrayLike, duration: float, rate_hz: float, motion: Motion) -> int:
+    """Number of samples, after checking the arguments."""
+    if runs < 1:
+        raise InputError(f"runs is {runs}; at least 1 is expected.")
+    for name, angle in (("latitude", latitude), ("pitch", pitch)):
+        if not np.all(np.abs(angle) <= np.pi / 2):
+            raise InputError(f"{name} is {np.degrees(np.max(np.abs(angle))):g} deg; -90 to 90 deg is expected.")
+    if not (0 < rate_hz < np.inf and 0 < duration < np.inf and round(duration * rate_hz) >= 1):
+        raise InputError(
+            f"{duration:g} s at {rate_hz:g} Hz is no recording; a positive duration and rate, and at least "
+            "one sample, are expected."
+        )
+    end = max((start + length for start, length, _ in motion.turns), default=0.0)
+    if end > duration + 1e-9:
+        raise InputError(f"The last turn ends at {end:g} s, after the recording of {duration:g} s. Make it longer.")
+    return round(duration * rate_hz)
+
+
+def _measure(
+    errors: TriadErrors, true: Array, bias: Array, shape: tuple[int, int], rate_hz: float, *, rng: np.random.Generator
+) -> Array:
+    """What the triad gives for the `true` signal plus a known `bias`, (runs, samples, 3) each or broadcast."""
+    runs = shape[0]
+    matrix = errors.misalignment * rng.standard_normal((runs, 3, 3))
+    axis = np.arange(3)
+    matrix[:, axis, axis] = 1 + errors.scale_factor * rng.standard_normal((runs, 3))
+    signal = true @ np.swapaxes(matrix, -1, -2) + bias
+    constant = errors.turn_on_bias * rng.standard_normal((runs, 3))
+    if signal.shape[1] == 1:  # standing still
+        out = draw(Law.of(errors), shape, rate_hz, constant=constant + signal[:, 0], rng=rng)
+    else:
+        out = draw(Law.of(errors), shape, rate_hz, constant=constant, rng=rng)
+        out += signal
+    if errors.saturation < np.inf:
+        np.clip(out, -errors.saturation, errors.saturation, out=out)
+    if errors.quantisation > 0:
+        _quantise(out, errors.quantisation * rate_hz, rng=rng)
+    return out
+
+
+def _quantise(signal: Array, step: float, *, rng: np.random.Generator) -> None:
+    """Quantise the integrated signal, in place: what one sample loses the next one gives, so the mean is kept.
+
+    The residue before the first sample is uniform, as it is in a unit that has been running.
+    """
+    total = np.cumsum(signal, axis=1)
+    total /= step
+    total += rng.random((len(signal), 1, 3))
+    np.floor(total, out=total)
+    signal[:, 1:] = np.diff(total, axis=1)
+    signal[:, 0] = total[:, 0]
+    signal *= step

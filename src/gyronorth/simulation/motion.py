@@ -1,0 +1,186 @@
+"""True angular rate and specific force of a unit that stands, turns about the vertical, or sways.
+
+Every value is the mean over a sample's interval. Turns are about the vertical; their rate and the
+Earth rate seen by the turning body are integrated over each interval. A disturbance is a small
+rotation on top, given as a function of time; it moves gyro and accelerometer together. Its lever
+arm is left out: the unit rotates about its own accelerometers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import EARTH_RATE, normal_gravity
+from gyronorth.levelling import mat_lb
+from gyronorth.recording import InputError
+
+Array = NDArray[np.float64]
+#: disturbance(times, runs=..., rng=...) -> rotation vector from the undisturbed body to the body at
+#: the given times (k,), s, in undisturbed body axes, rad, shape (runs, k, 3) or (1, k, 3).
+Disturbance = Callable[..., Array]
+
+#: Frequencies of sway, Hz: log-uniform between these.
+SWAY_FREQUENCY = (0.008, 0.3)
+#: Rate amplitude of each tone and axis, rad/s: half-normal with this sigma (0.002 deg/s).
+SWAY_RATE = 7.2 * DEG_PER_HOUR
+#: Tones of one sway.
+SWAY_TONES = 2
+
+
+def sway(times: Array, *, runs: int, rng: np.random.Generator) -> Array:
+    """Two angular oscillations about all axes with random frequency, amplitude and phase, (runs, k, 3) rad."""
+    low, high = np.log(SWAY_FREQUENCY)
+    angle = np.zeros((runs, len(times), 3))
+    for _ in range(SWAY_TONES):
+        omega = 2 * np.pi * np.exp(rng.uniform(low, high, (runs, 1, 1)))
+        amplitude = SWAY_RATE * np.abs(rng.standard_normal((runs, 1, 3))) / omega
+        angle += amplitude * np.sin(omega * times[:, None] + rng.uniform(0, 2 * np.pi, (runs, 1, 3)))
+    return angle
+
+
+#: Disturbances that can be named.
+DISTURBANCES: dict[str, Disturbance] = {"sway": sway}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the unit moves.
+
+    Raises
+    ------
+    InputError
+        If turns overlap or are not positive in time, or the disturbance is not known.
+    """
+
+    turns: tuple[tuple[float, float, float], ...] = ()  # start s, duration s, angle rad (positive clockwise from above)
+    smooth: bool = False  # turn with a raised-cosine rate instead of a constant one
+    disturbance: str | Disturbance = "quiet"  # "quiet", a key of DISTURBANCES, or a function like `sway`
+
+    def __post_init__(self) -> None:
+        end = 0.0
+        for start, duration, angle in sorted(self.turns):
+            if not (np.isfinite([start, duration, angle]).all() and start >= end and duration > 0):
+                raise InputError(
+                    f"The turn START:DURATION:ANGLE = {start:g}:{duration:g}:{np.degrees(angle):g} does not fit: "
+                    f"START of at least {end:g} s (the end of the turn before) and DURATION above 0 s are expected."
+                )
+            end = start + duration
+        if isinstance(self.disturbance, str) and self.disturbance not in ("quiet", *DISTURBANCES):
+            known = ", ".join(("quiet", *DISTURBANCES))
+            raise InputError(f"There is no disturbance {self.disturbance!r}; known are {known}.")
+
+    @property
+    def total_angle(self) -> float:
+        """Sum of the turns, rad."""
+        return float(sum(angle for _, _, angle in self.turns))
+
+    def turned(self, times: Array) -> Array:
+        """Angle turned clockwise since the start, rad, at times (k,), s."""
+        angle = np.zeros_like(times)
+        for start, duration, total in self.turns:
+            share = np.clip((times - start) / duration, 0, 1)
+            angle += total * (share - np.sin(2 * np.pi * share) / (2 * np.pi) if self.smooth else share)
+        return angle
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Interval means without sensor errors; an axis of length 1 stands for all runs or all samples."""
+
+    gyro_b: Array  # (runs, samples, 3) rad/s
+    accel_b: Array  # (runs, samples, 3) m/s^2
+
+
+def true_motion(motion: Motion, pose: Array, samples: int, rate_hz: float, *, rng: np.random.Generator) -> Truth:
+    """True rate and specific force of units that start at `pose`.
+
+    Parameters
+    ----------
+    motion : Motion
+        Turns and disturbance, the same turns for all runs.
+    pose : ndarray, shape (4, runs)
+        Latitude, roll, pitch and heading at the start, rad.
+    samples, rate_hz : int, float
+        Samples per run and their rate, Hz.
+    rng : numpy.random.Generator
+        Draws the disturbance.
+    """
+    latitude, roll, pitch, heading = pose
+    mat_bl = np.swapaxes(mat_lb(roll, pitch), -1, -2)
+    turning = _turning_means(motion, samples, rate_hz) if motion.turns else np.array([[1.0], [0.0], [0.0]])
+    gyro = _level_rate(latitude, heading, turning) @ np.swapaxes(mat_bl, -1, -2)
+    gravity = np.asarray(normal_gravity(latitude))
+    accel = -(gravity[:, None] * mat_bl[:, :, 2])[:, None]
+    if motion.disturbance == "quiet":
+        return Truth(gyro, accel)
+    disturbance = DISTURBANCES[motion.disturbance] if isinstance(motion.disturbance, str) else motion.disturbance
+    times = np.arange(2 * samples + 1) / (2 * rate_hz)
+    return _disturbed(gyro, accel, disturbance(times, runs=len(latitude), rng=rng), rate_hz)
+
+
+def _level_rate(latitude: Array, heading: Array, turning: Array) -> Array:
+    """Mean rate in the level frame, (runs, samples, 3): rate (cos lat cos psi, -cos lat sin psi, -sin lat) + turn.
+
+    With psi = heading + turned, the means of cos and sin psi follow from those of the turned angle.
+    """
+    cos_turned, sin_turned, turn_rate = turning
+    horizontal, down = EARTH_RATE * np.cos(latitude)[:, None], -EARTH_RATE * np.sin(latitude)[:, None]
+    cos_heading, sin_heading = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    north = horizontal * (cos_heading * cos_turned - sin_heading * sin_turned)
+    east = horizontal * (sin_heading * cos_turned + cos_heading * sin_turned)
+    return np.stack([north, -east, down + turn_rate], axis=-1)
+
+
+def _turning_means(motion: Motion, samples: int, rate_hz: float) -> Array:
+    """Means over each interval of cos and sin of the turned angle, and the turn rate, shape (3, samples).
+
+    The rate is a difference of angles. The others are integrated by Gauss-Legendre quadrature with
+    8 nodes on each piece between sample edges and the ends of turns, on which the angle is smooth.
+    """
+    edges = np.arange(samples + 1) / rate_hz
+    ends = np.array([[start, start + duration] for start, duration, _ in motion.turns]).ravel()
+    times = np.union1d(edges, ends[ends < edges[-1]])
+    length, angle = np.diff(times), motion.turned(times)
+    waves = np.stack([np.cos(angle[:-1]), np.sin(angle[:-1])])
+    moving = np.flatnonzero(np.diff(angle))
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    inside = motion.turned(times[moving, None] + length[moving, None] * (nodes + 1) / 2)
+    waves[:, moving] = np.stack([np.cos(inside) @ weights, np.sin(inside) @ weights]) / 2
+    first = np.searchsorted(times, edges[:-1])
+    means = np.add.reduceat(waves * length, first, axis=1) / np.add.reduceat(length, first)
+    return np.vstack([means, np.diff(motion.turned(edges)) * rate_hz])
+
+
+def _disturbed(gyro: Array, accel: Array, rotation: Array, rate_hz: float) -> Truth:
+    """Truth of a body turned by `rotation` (runs, 2 samples + 1, 3), at sample edges and middles.
+
+    The undisturbed rate and specific force are turned into the body (Simpson's rule over each
+    interval). The rate of the small rotation itself is the right Jacobian of the rotation vector
+    times its change, over each half interval (J. Sola et al., "A micro Lie theory for state
+    estimation in robotics", 2018, eq. 143).
+    """
+    change, middle = np.diff(rotation, axis=1), (rotation[:, 1:] + rotation[:, :-1]) / 2
+    squared = np.sum(middle**2, axis=-1, keepdims=True)
+    size = np.sqrt(squared)
+    third = np.where(size < 1e-2, 1 / 6 - squared / 120, (1 - np.sinc(size / np.pi)) / np.maximum(squared, 1e-4))
+    across = np.cross(middle, change)
+    own = change - np.sinc(size / (2 * np.pi)) ** 2 / 2 * across + third * np.cross(middle, across)
+    own_rate = (own[:, 0::2] + own[:, 1::2]) * rate_hz
+    return Truth(_mean_in_body(rotation, gyro) + own_rate, _mean_in_body(rotation, accel))
+
+
+def _mean_in_body(rotation: Array, vector: Array) -> Array:
+    """Mean over each interval of `vector` (runs, samples or 1, 3) in the turned body's axes: Simpson, Rodrigues."""
+    total = np.zeros(())
+    for offset, weight in ((0, 1 / 6), (1, 4 / 6), (2, 1 / 6)):
+        theta = rotation[:, offset : rotation.shape[1] - 2 + offset : 2]
+        size = np.linalg.norm(theta, axis=-1, keepdims=True)
+        across = np.cross(theta, vector)
+        second = np.sinc(size / (2 * np.pi)) ** 2 / 2
+        total = total + weight * (vector - np.sinc(size / np.pi) * across + second * np.cross(theta, across))
+    return total

@@ -1,0 +1,202 @@
+"""When a heading may be believed: the gates, each with its measured value beside its limit.
+
+Limits scale with the claimed uncertainty. Each is explained in docs/theory.md, section
+"Validity"; values and limits are in the reader's units (deg, deg/h, s).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.conditioning import GATE_SIGMA
+from gyronorth.earth import EARTH_RATE
+
+Array = NDArray[np.float64]
+
+#: An interval wider than this to either side cannot tell north from south, rad.
+WIDEST_HALF_WIDTH = np.pi / 2
+#: Concentration of the von Mises law whose 95 % interval is that wide (solved numerically).
+WIDEST_CONCENTRATION = 2.36
+#: Heading error that second-order motion may cost before the recording counts as moving, rad.
+MOTION_ALLOWANCE = np.radians(0.5)
+#: Attitude change that inertial-frame alignment may carry, rad: beyond it the unit turned.
+INERTIAL_EXCURSION = np.radians(45.0)
+#: Fewest samples and shortest time, s, from which a noise level can be read at all.
+FEWEST_SAMPLES, SHORTEST = 16, 2.0
+#: Share of the sensor's range at which an output counts as saturated.
+SATURATION_SHARE = 0.999
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A reason for refusal, or a warning."""
+
+    code: str  # one of DESIGN's codes, e.g. "rate_norm"
+    message: str  # for people, with units
+    value: float | None = None  # what was measured
+    limit: float | None = None  # what it was held against
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A gate over a batch: it fails where value > limit."""
+
+    code: str
+    message: str  # with {value} and {limit}
+    value: Array
+    limit: Array
+    failed: Array
+
+    def finding(self, index: tuple[int, ...] = ()) -> Finding | None:
+        """The finding of one recording of the batch, or None where the gate holds."""
+        if not self.failed[index]:
+            return None
+        value, limit = float(self.value[index]), float(self.limit[index])
+        return Finding(self.code, self.message.format(value=value, limit=limit), value, limit)
+
+
+def rate_gates(rate_l: Array, *, variance: Array, vertical_variance: Array, latitude: float, known: bool) -> list[Gate]:
+    """Norm of the rate against Earth rate, and the latitude that it implies.
+
+    Parameters
+    ----------
+    rate_l : ndarray, shape (..., 3)
+        Levelled mean rate, rad/s.
+    variance, vertical_variance : ndarray, shape (...)
+        Claimed variance of a horizontal and of the vertical component, (rad/s)^2.
+    latitude : float
+        rad.
+    known : bool
+        Whether the variance is claimed from a profile. If it was itself inferred from these
+        two discrepancies it cannot judge them, and the limit is the horizontal Earth rate: a
+        rate error as large as the signal can point the heading anywhere.
+
+    Notes
+    -----
+    rate_norm: | |w| - Omega | <= 3.29 sqrt(cos^2 var_h + sin^2 var_v).
+    implied_latitude: | asin(-w_down / |w|) - lat | <= 3.29 sqrt(sin^2 var_h + cos^2 var_v) / Omega.
+    """
+    sin2, cos2 = np.sin(latitude) ** 2, np.cos(latitude) ** 2
+    signal = np.full_like(variance, EARTH_RATE * np.cos(latitude))
+    along = GATE_SIGMA * np.sqrt(cos2 * variance + sin2 * vertical_variance) if known else signal
+    across = GATE_SIGMA * np.sqrt(sin2 * variance + cos2 * vertical_variance) if known else signal
+    norm = np.linalg.norm(rate_l, axis=-1)
+    off_norm = np.abs(norm - EARTH_RATE)
+    off_latitude = np.abs(implied_latitude(rate_l) - latitude)
+    return [
+        Gate(
+            "rate_norm",
+            f"The mean rate differs from Earth rate (15.041 deg/h) by {{value:.2f}} deg/h; at most {{limit:.2f}} deg/h "
+            f"{'fits the sensor profile' if known else 'leaves a heading to be found'}. "
+            "Likely a gyro bias larger than expected, or the unit was turning.",
+            off_norm / DEG_PER_HOUR,
+            along / DEG_PER_HOUR,
+            off_norm > along,
+        ),
+        Gate(
+            "implied_latitude",
+            "The rate and the vertical imply a latitude {value:.1f} deg from the given one; at most {limit:.1f} deg "
+            f"{'fits the sensor profile' if known else 'leaves a heading to be found'}. "
+            "Likely a vertical gyro bias, a wrong latitude or wrong axes.",
+            np.degrees(off_latitude),
+            np.degrees(across / EARTH_RATE),
+            off_latitude > across / EARTH_RATE,
+        ),
+    ]
+
+
+def implied_latitude(rate_l: Array) -> Array:
+    """Latitude that the rate and the vertical imply, asin(-w_down / |w|), rad, shape (...)."""
+    norm = np.linalg.norm(rate_l, axis=-1)
+    return np.arcsin(np.clip(-rate_l[..., 2] / np.maximum(norm, np.finfo(float).tiny), -1, 1))
+
+
+def width_gates(
+    half_width: Array, *, variance: Array, noise_variance: Array, latitude: float, duration: float
+) -> list[Gate]:
+    """Interval too wide to tell north from south: too_short, near_pole or too_noisy, by what would cure it.
+
+    `variance` is the total of a horizontal component, `noise_variance` the share of it that
+    falls as 1 / duration, both (rad/s)^2, shape (...).
+    """
+    wide = half_width > WIDEST_HALF_WIDTH
+    signal = EARTH_RATE * np.cos(latitude)
+    # Largest total variance whose interval still tells north from south, here and at 45 degrees.
+    allowed, allowed_45 = ((level**2 / WIDEST_CONCENTRATION) for level in (signal, EARTH_RATE * np.sqrt(0.5)))
+    rest = np.maximum(variance - noise_variance, 0)
+    needed = duration * noise_variance / np.maximum(allowed - rest, np.finfo(float).tiny)
+    short = wide & (rest < allowed)
+    polar = wide & ~short & (variance < allowed_45)
+    half_deg = np.degrees(half_width)
+    limit_deg = np.full_like(half_width, np.degrees(WIDEST_HALF_WIDTH))
+    return [
+        Gate(
+            "too_short",
+            "The recording of {value:.1f} s is too short for this noise; about {limit:.0f} s would do.",
+            np.full_like(half_width, duration),
+            needed,
+            short,
+        ),
+        Gate(
+            "near_pole",
+            f"At latitude {np.degrees(latitude):.2f} deg the horizontal Earth rate is only {signal / DEG_PER_HOUR:.2f} "
+            "deg/h: the 95 % interval is +-{value:.0f} deg; at most +-{limit:.0f} deg tells north from south.",
+            half_deg,
+            limit_deg,
+            polar,
+        ),
+        Gate(
+            "too_noisy",
+            "The 95 % interval is +-{value:.0f} deg; at most +-{limit:.0f} deg tells north from south. "
+            "The sensor's bias or noise hides Earth rate.",
+            half_deg,
+            limit_deg,
+            wide & ~short & ~polar,
+        ),
+    ]
+
+
+def motion_gate(excursion: Array, sigma: Array, *, inertial: Array) -> Gate:
+    """Attitude change that the method does not model.
+
+    An excursion of r rad biases a plain mean by up to r^2, so r is held against the root of
+    the larger of sigma and 0.5 deg; inertial-frame alignment follows any attitude, and 45 deg
+    is where the unit is no longer in one pose.
+    """
+    limit = np.where(inertial, INERTIAL_EXCURSION, np.sqrt(np.clip(sigma, MOTION_ALLOWANCE, 1.0)))
+    return Gate(
+        "motion",
+        "The unit turned by {value:.2f} deg about its mean attitude; at most {limit:.2f} deg is standing still.",
+        np.degrees(excursion),
+        np.degrees(limit),
+        excursion > limit,
+    )
+
+
+def length_gate(samples: int, duration: float, shape: tuple[int, ...]) -> Gate:
+    """Fewer samples or seconds than a noise level can be read from."""
+    needed = max(SHORTEST, FEWEST_SAMPLES * duration / samples)
+    return Gate(
+        "too_short",
+        f"The recording holds {samples} samples in {{value:.2f}} s; at least {FEWEST_SAMPLES} samples and "
+        f"{SHORTEST:g} s are needed, that is {{limit:.1f}} s.",
+        np.full(shape, duration),
+        np.full(shape, needed),
+        np.full(shape, samples < FEWEST_SAMPLES or duration < SHORTEST),
+    )
+
+
+def saturation_gate(peak: Array, *, limit: float, what: str, unit: float, unit_name: str) -> Gate:
+    """Output at the end of the sensor's range: the mean is then not the mean of the motion."""
+    held = np.full_like(peak, SATURATION_SHARE * limit / unit)
+    return Gate(
+        "saturated",
+        f"The {what} reaches {{value:.1f}} {unit_name}; the sensor's range ends at {limit / unit:.1f} {unit_name}.",
+        peak / unit,
+        held,
+        peak / unit > held,
+    )
