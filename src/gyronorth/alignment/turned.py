@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.rotations import rotation
+from gyronorth.alignment.rotation_vectors import rotation
 from gyronorth.alignment.turned_law import (
     COLUMNS,
     Linear,
@@ -191,7 +191,8 @@ class _Solution:
     def report(self, blocks: Blocks, sensor: Sensor, segments: Segments, rejected: bool) -> TurnedFit:
         gradient = heading_gradient(self.state.end)
         # Observations that only fix what is unknown leave chi2 unchanged: flat parameters cost freedom.
-        dof = max(1, len(self.linear.residual) - int(np.sum((self.known.information == 0) & (self.known.sigma > 0))))
+        seen = len(self.linear.residual) if blocks.accel_b is not None else int(np.sum(self.linear.kind != 1))
+        dof = max(1, seen - int(np.sum((self.known.information == 0) & (self.known.sigma > 0))))
         inflation = float(np.sqrt(self.chi2 / dof)) if _improbable(self.chi2, dof) else 1.0
         sigma = inflation * float(np.sqrt(gradient @ self.covariance[:3, :3] @ gradient))
         parts = self._parts(blocks, sensor, gradient)
@@ -241,7 +242,8 @@ class _Solution:
             "levelling": float(gain @ self.linear.own @ gain)
             + by_prior["accel_bias"]
             + by_prior["accel_scale"]
-            + by_prior["arm"],
+            + by_prior["arm"]
+            + by_prior["gravity"],
         }
 
 

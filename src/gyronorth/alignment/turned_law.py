@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.rotations import cross_matrix, mean_rotation, rotation, rotation_vector
+from gyronorth.alignment.rotation_vectors import cross_matrix, mean_rotation, rotation, rotation_vector
 from gyronorth.alignment.turned_segments import Blocks
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.sensor import Sensor, TriadErrors, flicker_components
@@ -42,6 +42,8 @@ TURN_ANGLE_SIGMA = 0.01 * np.pi / 180
 TURN_SIGMA = 1e-4
 #: Distance of the accelerometer from the axis of a spin, m (one standard deviation per axis).
 SPIN_ARM = 0.3
+#: Gravity is standard within this, m/s^2 (one standard deviation): latitude, height, scale factor.
+GRAVITY_SIGMA = 0.05
 #: Unit of a parameter without a prior, for the numerics only: rad, rad/s.
 FLAT_ATTITUDE, FLAT_BIAS = 1.0, 1e-4
 
@@ -54,9 +56,10 @@ COLUMNS = {
     "accel_bias": slice(24, 27),
     "accel_scale": slice(27, 36),
     "arm": slice(36, 39),
+    "gravity": slice(39, 40),
 }
 #: From here two columns a spin: tilt of its axis in the body, rad.
-SPIN = 39
+SPIN = 40
 
 
 def mean_covariance(
@@ -64,38 +67,33 @@ def mean_covariance(
 ) -> Array:
     """Covariance of the mean errors of one axis over the sample ranges [first, last), shape (n, n), u^2.
 
-    Exact for sampled white noise, quantisation, the Gauss-Markov sum of the in-run bias and
-    a rate random walk that starts at zero at sample 0; without turn-on bias. Ranges must not
-    overlap. `white` and `drift` leave out the parts without and with memory.
+    Samples are means over their intervals. Exact for white noise, quantisation, the Gauss-Markov
+    sum of the in-run bias and a rate random walk that starts at zero at sample 0; without
+    turn-on bias. Ranges must not overlap. `white` and `drift` leave out the parts without and
+    with memory.
 
     Notes
     -----
-    For samples of a Gauss-Markov process, phi = exp(-1 / (rate tau)), variance v, the sums
-    over lags are geometric: v g_i g_j phi^(lag) / (n_i n_j), g = (1 - phi^n) / (1 - phi), for two
-    ranges, and v (n (1 + phi) - 2 phi g) / (n^2 (1 - phi)) for one.
+    Of a Gauss-Markov process of variance v, with a = T / tau and r = (1 - exp(-a)) / a for each
+    range: v r_i r_j exp(-gap / tau) for two ranges and 2 v (a - 1 + exp(-a)) / a^2 for one
+    (integrals of v exp(-|s - t| / tau)).
     """
-    first, last = np.asarray(first), np.asarray(last)
-    count = (last - first).astype(float)
-    total = np.zeros((len(count), len(count)))
+    first, last = np.asarray(first) / rate_hz, np.asarray(last) / rate_hz
+    length, same = last - first, np.eye(len(first), dtype=bool)
+    total = np.zeros(same.shape)
     if white:
-        total += np.diag(errors.white**2 * rate_hz / count)
-        edge = (last[:, None] == first).astype(float)
-        total += (
-            errors.quantisation**2 / 12 * rate_hz**2 * (2 * np.eye(len(count)) - edge - edge.T) / np.outer(count, count)
-        )
+        total += np.diag(errors.white**2 / length)
+        edge = np.isclose(last[:, None], first, rtol=0, atol=0.1 / rate_hz).astype(float)
+        total += errors.quantisation**2 / 12 * (2 * same - edge - edge.T) / np.outer(length, length)
     if not drift:
         return total
-    lag = np.maximum(first[None, :] - last[:, None], first[:, None] - last[None, :]) + 1.0
-    same = np.eye(len(count), dtype=bool)
+    gap = np.maximum(np.maximum(first[None, :] - last[:, None], first[:, None] - last[None, :]), 0.0)
     for variance, tau in zip(*flicker_components(errors), strict=True):
-        step = 1 / (rate_hz * tau)
-        lost, phi = -np.expm1(-step), np.exp(-step)
-        sums = -np.expm1(-count * step) / lost
-        across = np.outer(sums, sums) * np.exp(-np.where(same, 0.0, lag) * step)
-        within = (count * (1 + phi) - 2 * phi * sums) / lost
-        total += variance * np.where(same, np.diag(within), across) / np.outer(count, count)
+        a = length / tau
+        lost = -np.expm1(-a)
+        total += variance * np.where(same, 2 * (a - lost) / a**2, np.outer(lost / a, lost / a) * np.exp(-gap / tau))
     if errors.random_walk > 0:
-        middle, length = (first + last) / 2 / rate_hz, count / rate_hz
+        middle = (first + last) / 2
         walk = np.minimum(middle[:, None], middle[None, :])
         total += errors.random_walk**2 * (walk - np.diag(length / 6))
     return total
@@ -137,6 +135,7 @@ def prior(sensor: Sensor, *, spins: int, bias_known: bool) -> Prior:
             np.full(3, sensor.accel.turn_on_bias),
             matrix(sensor.accel),
             np.full(3, SPIN_ARM),
+            np.full(1, GRAVITY_SIGMA),
             np.full(2 * spins, 1.0),  # tilt of a spin axis in the body, rad: flat
         ]
     )
@@ -274,6 +273,7 @@ def linearise(
         if blocks.accel_b is not None:
             errors[:, COLUMNS["accel_bias"]] = np.eye(3)
             errors[:, COLUMNS["accel_scale"]] = _by_rows(force_b[index])
+            errors[:, COLUMNS["gravity"]] = force_b[index][:, None] / STANDARD_GRAVITY
             if blocks.spin[index] >= 0:
                 spin_cross = cross_matrix(blocks.gyro_b[index])
                 errors[:, COLUMNS["arm"]] = spin_cross @ spin_cross

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.alignment.rotations import rotation
+from gyronorth.alignment.rotation_vectors import mean_rotation, rotation
 from gyronorth.alignment.turned_law import (
     SPIN,
     State,
@@ -16,7 +16,7 @@ from gyronorth.alignment.turned_law import (
     prior,
     regular,
 )
-from gyronorth.alignment.turned_segments import STEPS, Blocks, blocks_per_stretch
+from gyronorth.alignment.turned_segments import Blocks, blocks_per_stretch
 from gyronorth.earth import earth_rate_n
 from gyronorth.levelling import mat_bn
 from gyronorth.sensor import Sensor
@@ -89,8 +89,7 @@ def _ideal(
     yaw_vector = np.outer(yaw, [0.0, 0.0, 1.0])
     edges = np.array(first)
     seconds = np.diff(edges) / rate_hz
-    middle = (np.arange(STEPS) + 0.5) / STEPS
-    mean_b = rotation(yaw_vector[:, None] * middle[:, None]).mean(axis=1)
+    mean_b = mean_rotation(yaw_vector)
     state = State(mat_bn(0.0, 0.0, heading).T, np.zeros(SPIN))
     n = len(seconds)
     zeros = np.zeros((n, 3))

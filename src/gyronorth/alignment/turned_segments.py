@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.alignment.rotations import integrate, rotation_vector
+from gyronorth.alignment.rotation import attitude_path, conjugate, multiply, rotate
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -37,10 +37,12 @@ SHORTEST_STRETCH = 3.0
 SAME_POSE = 2 * DEG
 #: A turn shorter than this tells nothing by itself, s.
 SHORTEST_SPIN = 20.0
+#: Rate across the axis of a spin over the rate about it, at most (root mean square).
+SPIN_WOBBLE = 0.03
 #: Largest rotation within a block of a turn, rad.
 BLOCK_ANGLE = 15 * DEG
-#: Parts of a block of a turn, over which its attitude is averaged.
-STEPS = 8
+#: Most blocks of one turn.
+MOST_BLOCKS = 400
 
 
 @dataclass(frozen=True)
@@ -141,14 +143,17 @@ def _with_turns(gyro_b: Array, stretches: tuple[tuple[int, int], ...], rate_hz: 
         if inner or spin:
             turns.append(Turn(first / rate_hz, last / rate_hz, angle, spin))
         if inner:
-            net = rotation_vector(integrate(part, rate_hz=rate_hz, steps=1)[0])
-            moved = max(np.linalg.norm(net), 0.0) > SAME_POSE or abs(angle) > np.pi
+            net = attitude_path(part, rate_hz=rate_hz)[1][-1]
+            moved = 2 * np.arctan2(np.linalg.norm(net[:3]), abs(net[3])) > SAME_POSE or abs(angle) > np.pi
             pose.append(pose[-1] + int(moved))
     return Segments(stretches, tuple(pose), tuple(turns))
 
 
 def _is_spin(part: Array, rate_hz: float) -> bool:
-    """Long, of more than a quarter turn, and about one axis within twice the Earth rate and the noise."""
+    """Long, of more than a quarter turn, and about one axis within twice the Earth rate and the noise.
+
+    Driving is none: there the rates across the axis exceed `SPIN_WOBBLE` of the rate about it.
+    """
     if len(part) < SHORTEST_SPIN * rate_hz:
         return False
     size = max(1, round(rate_hz))
@@ -157,7 +162,12 @@ def _is_spin(part: Array, rate_hz: float) -> bool:
     angle = abs(float((part @ axis).sum())) / rate_hz
     across = chunk - np.outer(chunk @ axis, axis)
     noise = 1.4826 * np.median(np.abs(np.diff(across, axis=0))) / np.sqrt(2)
-    return bool(angle > np.pi / 2 and np.sqrt(np.mean(across**2)) < 2 * EARTH_RATE + 3 * noise)
+    wobble = np.sqrt(np.mean(across**2))
+    return bool(
+        angle > np.pi / 2
+        and wobble < 2 * EARTH_RATE + 3 * noise
+        and wobble < SPIN_WOBBLE * np.sqrt(np.mean((chunk @ axis) ** 2))
+    )
 
 
 def cut(gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: float, per_stretch: int) -> Blocks:
@@ -199,20 +209,29 @@ def _standing(gyro_b: Array, first: int, last: int, stretch: int, parts: int, ra
 def _turning(gyro_b: Array, first: int, last: int, rate_hz: float) -> Blocks:
     part = gyro_b[first:last]
     swept = np.linalg.norm(part, axis=1).sum() / rate_hz
-    blocks = max(1, min(int(np.ceil(swept / BLOCK_ANGLE)), -(-len(part) // STEPS), 400))
-    length = -(-len(part) // (blocks * STEPS))  # samples in a step
-    blocks = -(-len(part) // (length * STEPS))
-    padded = np.zeros((blocks * STEPS * length, 3))
-    padded[: len(part)] = part
-    step = integrate(padded, rate_hz=rate_hz, steps=blocks * STEPS).reshape(blocks, STEPS, 3, 3)
-    turn, total = np.tile(np.eye(3), (blocks, 1, 1)), np.zeros((blocks, 3, 3))
-    for index in range(STEPS):
-        after = turn @ step[:, index]
-        total, turn = total + (turn + after) / 2, after
-    edges = np.minimum(first + np.arange(blocks + 1) * length * STEPS, last)
-    none = np.full(blocks, -1)
-    mean = _means(gyro_b, edges[:-1], edges[1:])
-    return Blocks(edges[:-1], edges[1:], none, none, mean, None, turn, total / STEPS, rate_hz)
+    count = max(1, min(int(np.ceil(swept / BLOCK_ANGLE)), len(part), MOST_BLOCKS))
+    edges = np.linspace(0, len(part), count + 1).round().astype(np.int64)
+    middle, end = attitude_path(part, rate_hz=rate_hz)
+    before = np.concatenate([[[0.0, 0.0, 0.0, 1.0]], end])[edges]  # (count + 1, 4) at the edges
+    starting = _matrix(before[:-1])
+    mean = np.add.reduceat(_matrix(middle), edges[:-1], axis=0) / np.diff(edges)[:, None, None]
+    none = np.full(count, -1)
+    return Blocks(
+        first + edges[:-1],
+        first + edges[1:],
+        none,
+        none,
+        _means(part, edges[:-1], edges[1:]),
+        None,
+        _matrix(multiply(conjugate(before[:-1]), before[1:])),
+        np.swapaxes(starting, -1, -2) @ mean,
+        rate_hz,
+    )
+
+
+def _matrix(q: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of quaternions."""
+    return np.stack([rotate(q, axis) for axis in np.eye(3)], axis=-1)
 
 
 def _means(values: Array, first: NDArray[np.int64], last: NDArray[np.int64]) -> Array:

@@ -1,4 +1,4 @@
-"""Rotation matrices from rotation vectors, and their products along a turn."""
+"""Rotation matrices of rotation vectors, and back."""
 
 from __future__ import annotations
 
@@ -48,20 +48,3 @@ def mean_rotation(vector: ArrayLike) -> Array:
     safe = np.where(size > 1e-3, size, 1.0)
     cubic = np.where(size > 1e-3, (safe - np.sin(safe)) / safe**3, 1 / 6 - size**2 / 120)
     return np.eye(3) + np.sinc(size / (2 * np.pi)) ** 2 / 2 * cross + cubic * (cross @ cross)
-
-
-def integrate(gyro_b: Array, *, rate_hz: float, steps: int) -> Array:
-    """Rotation of the body over each of `steps` equal parts of a stretch, shape (steps, 3, 3).
-
-    Products of the rotations of the single samples (each a constant rate over its interval),
-    so that the order of rotations in three dimensions is kept. The parts hold
-    ceil(n / steps) samples, the last ones fewer or none.
-    """
-    length = -(-len(gyro_b) // steps)
-    padded = np.zeros((steps * length, 3))
-    padded[: len(gyro_b)] = gyro_b / rate_hz
-    small = rotation(padded).reshape(steps, length, 3, 3)
-    total = small[:, 0]
-    for index in range(1, length):
-        total = total @ small[:, index]
-    return total
