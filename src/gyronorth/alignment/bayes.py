@@ -1,0 +1,331 @@
+"""Heading under sway, warm-up and bumps by averaging over models of the disturbance.
+
+A level rate record of three axes is a constant (Earth rate and bias) plus at most two tones,
+at most one settling exponential and noise of the sensor; samples in a bump are left out. Given
+the frequencies and the time constant, all the rest is linear and Gaussian, so that the
+evidence of each such model and its estimate of the constant have closed forms. All models of
+a fine grid are weighed by their evidence, and their headings are averaged: Bayesian model
+averaging (Hoeting et al., Statistical Science 14, 1999, 382-417; tones as in Bretthorst,
+"Bayesian Spectrum Analysis and Parameter Estimation", 1988, ch. 3).
+
+What is known of the constant takes part: its horizontal part has the size of Earth's
+horizontal rate, its vertical part is Earth's, both within the turn-on bias.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gyronorth.alignment.turned_law import mean_covariance
+from gyronorth.angles import DEG_PER_HOUR, wrap, wrap_heading
+from gyronorth.earth import EARTH_RATE
+from gyronorth.sensor import TriadErrors
+
+Array = NDArray[np.float64]
+
+#: Tones: lowest and highest frequency, Hz, and spacing x duration: 0.00125 Hz at 100 s.
+FREQUENCIES, SPACING = (0.008, 0.3), 0.125
+#: Probability of no, one and two tones.
+TONES = (0.09, 0.42, 0.49)
+#: Rate amplitude of a tone per axis, rad/s (root mean square of the amplitude): 0.002 deg/s.
+TONE_RATE = 7.2 * DEG_PER_HOUR
+#: Settling: time constants, s, the probability that there is any, and its size, rad/s per axis.
+TIME_CONSTANTS, SETTLING, SETTLING_RATE = (15.0, 25.0, 40.0, 60.0, 85.0, 120.0), 0.9, 2 * DEG_PER_HOUR
+#: Squared residual of a sample over three axes, in variances, beyond which it lies in a bump
+#: (chi-square with 3 degrees of freedom: 1e-5), and the rounds in which bumps are looked for.
+BUMP_CHI2, BUMP_ROUNDS = 26.0, 4
+#: Models that are less likely than the best by this factor are left out of the average.
+NEGLIGIBLE = 1e-6
+#: Headings on which the posterior is computed.
+HEADINGS = 1440
+#: Turn-on biases tried for a sensor without a profile, rad/s, evenly weighted.
+UNKNOWN_BIAS = tuple(b * DEG_PER_HOUR for b in (0.1, 0.3, 1.0, 3.0, 10.0, 30.0))
+
+
+@dataclass(frozen=True)
+class BayesFit:
+    """Posterior of the heading of one recording."""
+
+    heading: float  # circular mean, rad
+    sigma: float  # root mean square deviation from it, rad
+    interval95: tuple[float, float]  # shortest 95 % interval, rad, clockwise
+    tones: float  # expected number of tones
+    frequency: tuple[float, ...]  # Hz, of the likeliest model
+    settling: float  # probability that the bias settles
+    bumps: int  # samples left out
+    noise: float  # residual over the noise law, root mean square; above 1 it was scaled up
+    rate_l: Array  # (3,) expected constant rate in the level frame, rad/s
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """What does not depend on the data: features, whitened, of every tone and exponential."""
+
+    frequency: Array  # (f,) Hz
+    log_prior: Array  # (f,) of one tone
+    tone: Array  # (n, 2 f) cosines and sines, whitened, in units of their prior deviation
+    gram: Array  # (2 f, 2 f)
+    settling: Array  # (n, k) whitened exponentials in units of their prior deviation
+    one: Array  # (n,) whitened constant
+    whiten: Array  # (n, n)
+
+
+def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadErrors | None) -> BayesFit:
+    """Heading of a level record that may sway, settle and be bumped.
+
+    Parameters
+    ----------
+    gyro_l : array_like, shape (n, 3)
+        Angular rate in the level frame, rad/s, at about 3 Hz (each sample a mean); 30-300 s.
+    rate_hz : float
+        Sample rate, Hz.
+    latitude : float
+        Geodetic latitude, rad.
+    errors : TriadErrors, optional
+        Error terms of the gyro. Without them the white noise comes from neighbouring samples
+        and the turn-on bias is averaged over `UNKNOWN_BIAS`.
+    """
+    gyro_l = np.asarray(gyro_l, dtype=float)
+    known = errors if errors is not None else TriadErrors(white=_white(gyro_l) / np.sqrt(rate_hz))
+    biases = (known.turn_on_bias,) if errors is not None else UNKNOWN_BIAS
+    grid = _grid(len(gyro_l), rate_hz, known)
+    masked = _first_mask(gyro_l)
+    for _ in range(BUMP_ROUNDS):
+        found = _scan(grid, gyro_l, masked)
+        again = _bumped(grid, gyro_l, masked, found)
+        if (again == masked).all():
+            break
+        masked = again
+    return _conclude(grid, gyro_l, masked, found, latitude, biases)
+
+
+def _white(gyro_l: Array) -> float:
+    """Noise of a sample from second differences, which slow motion does not reach: rad/s."""
+    second = np.diff(gyro_l, n=2, axis=0)
+    return float(max(1.4826 * np.median(np.abs(second)) / np.sqrt(6), 1e-12))
+
+
+@lru_cache(maxsize=8)
+def _grid(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
+    duration = samples / rate_hz
+    edges = np.arange(samples + 1)
+    covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    time = (edges[:-1] + 0.5) / rate_hz
+    highest = min(FREQUENCIES[1], 0.4 * rate_hz)
+    frequency = np.arange(FREQUENCIES[0], highest, SPACING / duration)
+    phase = 2 * np.pi * time[:, None] * frequency
+    tone = whiten @ np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * (TONE_RATE / np.sqrt(2))
+    settling = whiten @ np.exp(-time[:, None] / np.array(TIME_CONSTANTS)) * SETTLING_RATE
+    prior = (1 / frequency) / np.sum(1 / frequency)
+    return _Grid(frequency, np.log(prior), tone, tone.T @ tone, settling, whiten.sum(axis=1), whiten)
+
+
+@dataclass(frozen=True)
+class _Models:
+    """Evidence of every model, arrays over models; noise in units of the law."""
+
+    log_weight: Array  # prior and determinant and residual; without the constant
+    information: Array  # of the constant, (rad/s)^-2
+    rate: Array  # (3, models) estimate of the constant, rad/s
+    tones: NDArray[np.int64]  # (2, models) numbers of the tones, -1 for none
+    settling: NDArray[np.int64]  # number of the exponential, -1 for none
+
+    @property
+    def best(self) -> int:
+        """The likeliest model when nothing is known of the constant."""
+        return int(np.argmax(self.log_weight - 1.5 * np.log(self.information)))
+
+
+def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 1.0) -> _Models:
+    """All models: no settling and each time constant, each with no, one and two tones."""
+    f, k = len(grid.frequency), grid.settling.shape[1]
+    known = np.concatenate([grid.one[:, None], grid.whiten @ gyro_l, grid.settling], axis=1) / scale
+    gram, cross, inner = grid.gram / scale**2, grid.tone.T @ known / scale, known.T @ known
+    if masked.any():  # a masked sample is one more unknown: project it out
+        basis = np.linalg.qr(grid.whiten[:, masked])[0]
+        in_tone, in_known = basis.T @ grid.tone / scale, basis.T @ known
+        gram = gram - in_tone.T @ in_tone
+        cross, inner = cross - in_tone.T @ in_known, inner - in_known.T @ in_known
+    parts = []
+    for number in range(-1, k):
+        if number < 0:
+            here, seen, rest, cost = gram, cross[:, :4], inner[:4, :4], 0.0
+        else:
+            column = 4 + number
+            pivot = inner[column, column] + 1
+            here = gram - np.outer(cross[:, column], cross[:, column] / pivot)
+            seen = cross[:, :4] - np.outer(cross[:, column], inner[column, :4] / pivot)
+            rest = inner[:4, :4] - np.outer(inner[:4, column], inner[column, :4] / pivot)
+            cost = np.log(pivot)
+        prior = np.log(1 - SETTLING) if number < 0 else np.log(SETTLING / k)
+        parts.append(_with_tones(here, seen, rest, cost, prior, grid.log_prior, f))
+    settling = np.repeat(np.arange(-1, k), [len(part[0]) for part in parts])
+    weight, information, rate = (np.concatenate([part[i] for part in parts], axis=-1) for i in range(3))
+    first, second = np.triu_indices(f, 1)
+    tones = np.stack([np.concatenate([[-1], np.arange(f), first]), np.concatenate([[-1], np.full(f, -1), second])])
+    return _Models(weight, information, rate, np.tile(tones, k + 1), settling)
+
+
+def _with_tones(
+    gram: Array, seen: Array, rest: Array, cost: float, prior: float, log_prior: Array, f: int
+) -> tuple[Array, Array, Array]:
+    """Log weight, information of the constant and its estimate (3, .) for no, each and each two tones.
+
+    Columns of `seen` (2 f, 4) and `rest` (4, 4) are the constant and the three axes. Tones
+    are eliminated one after the other, by Schur complements of 2 x 2 blocks written out.
+    """
+    entries = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (2, 2), (3, 3)]
+    cosine, sine = np.arange(f), np.arange(f) + f
+    p0, p1 = seen[:f], seen[f:]
+    a, b, d = gram[cosine, cosine] + 1, gram[cosine, sine], gram[sine, sine] + 1
+    det = a * d - b * b
+    ia, ib, id_ = d / det, -b / det, a / det
+    h0, h1 = ia[:, None] * p0 + ib[:, None] * p1, ib[:, None] * p0 + id_[:, None] * p1
+    none = np.array([rest[e] for e in entries])
+    single = none[:, None] - np.array([p0[:, x] * h0[:, y] + p1[:, x] * h1[:, y] for x, y in entries])
+
+    i, j = np.triu_indices(f, 1)
+    g00, g01, g10, g11 = gram[:f, :f][i, j], gram[:f, f:][i, j], gram[f:, :f][i, j], gram[f:, f:][i, j]
+    ai, bi, di = ia[i], ib[i], id_[i]
+    k00, k10, k01, k11 = ai * g00 + bi * g10, bi * g00 + di * g10, ai * g01 + bi * g11, bi * g01 + di * g11
+    s00, s01, s11 = a[j] - g00 * k00 - g10 * k10, b[j] - g00 * k01 - g10 * k11, d[j] - g01 * k01 - g11 * k11
+    det_ij = s00 * s11 - s01 * s01
+    q0 = [p0[j, x] - g00 * h0[i, x] - g10 * h1[i, x] for x in range(4)]
+    q1 = [p1[j, x] - g01 * h0[i, x] - g11 * h1[i, x] for x in range(4)]
+    c00, c01, c11 = s11 / det_ij, -s01 / det_ij, s00 / det_ij
+    double = np.stack(
+        [
+            single[e, i] - c00 * q0[x] * q0[y] - c01 * (q0[x] * q1[y] + q1[x] * q0[y]) - c11 * q1[x] * q1[y]
+            for e, (x, y) in enumerate(entries)
+        ]
+    )
+    total = np.concatenate([none[:, None], single, double], axis=1)
+    log_det = cost + np.concatenate([[0.0], np.log(det), np.log(det)[i] + np.log(det_ij)])
+    pair = log_prior[i] + log_prior[j] - np.log(1 - np.sum(np.exp(2 * log_prior))) + np.log(2)
+    log_prior_all = prior + np.concatenate(
+        [[np.log(TONES[0])], np.log(TONES[1]) + log_prior, np.log(TONES[2]) + pair]
+    )
+    information, product, square = total[0], total[1:4], total[4:]
+    residual = np.sum(square - product**2 / information, axis=0)
+    return log_prior_all - 1.5 * log_det - 0.5 * residual, information, product / information
+
+
+def _first_mask(gyro_l: Array) -> NDArray[np.bool_]:
+    """Samples far off a running median over 21: large bumps, before anything is fitted."""
+    from scipy.ndimage import median_filter
+
+    off = gyro_l - median_filter(gyro_l, size=(min(21, len(gyro_l)), 1), mode="nearest")
+    scatter = 1.4826 * np.median(np.abs(off), axis=0)
+    return _grown((np.abs(off) > 6 * np.maximum(scatter, 1e-300)).any(axis=1))
+
+
+def _grown(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The flagged samples and their neighbours, which a bump may touch in part; never more than half."""
+    grown = np.convolve(flags, [1, 1, 1], mode="same") > 0.5
+    return grown if grown.mean() < 0.5 else np.zeros_like(flags)
+
+
+def _residual(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Models) -> Array:
+    """Whitened residual (n, 3) of the likeliest model, fitted without the masked samples."""
+    best = models.best
+    tones = [t for t in models.tones[:, best] if t >= 0]
+    f, settling = len(grid.frequency), models.settling[best]
+    columns = [grid.one[:, None]] + [grid.tone[:, [t, t + f]] for t in tones]
+    columns += [grid.settling[:, [settling]]] if settling >= 0 else []
+    design, target = np.concatenate(columns, axis=1), grid.whiten @ gyro_l
+    basis = np.linalg.qr(grid.whiten[:, masked])[0]
+    inside, free = design - basis @ (basis.T @ design), np.ones(design.shape[1])
+    free[0] = 0.0
+    return target - design @ np.linalg.solve(inside.T @ inside + np.diag(free), inside.T @ target)
+
+
+def _bumped(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Models) -> NDArray[np.bool_]:
+    square = np.sum(_residual(grid, gyro_l, masked, models) ** 2, axis=1)
+    return _grown(square > BUMP_CHI2 * _excess(square[~masked]))
+
+
+def _excess(square: Array) -> float:
+    """Variance of the residual over the law, from its median (2.366 for chi-square with 3 degrees); at least 1."""
+    return max(1.0, float(np.median(square)) / 2.366)
+
+
+def _conclude(
+    grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Models, latitude: float, biases: tuple[float, ...]
+) -> BayesFit:
+    square = np.sum(_residual(grid, gyro_l, masked, models)[~masked] ** 2, axis=1)
+    excess = float(np.mean(square)) / 3
+    # 3 n squares scatter by sqrt(2 / 3 n): beyond 4 of these the law does not hold.
+    scale = np.sqrt(excess) if excess > 1 + 4 * np.sqrt(2 / (3 * len(square))) else 1.0
+    if scale > 1:
+        models = _scan(grid, gyro_l, masked, scale)
+    log_weight, concentration = _weigh(models, latitude, biases)
+    weight = np.exp(log_weight - log_weight.max())
+    bias, used = np.nonzero(weight > NEGLIGIBLE)
+    weight = weight[bias, used] / weight[bias, used].sum()
+    concentration = concentration[bias, used]
+    rate = models.rate[:, used]
+    heading, sigma, interval = _posterior(np.arctan2(-rate[1], rate[0]), concentration, weight)
+    best = used[np.argmax(weight)]
+    return BayesFit(
+        heading=heading,
+        sigma=sigma,
+        interval95=interval,
+        tones=float(weight @ (models.tones[:, used] >= 0).sum(axis=0)),
+        frequency=tuple(float(grid.frequency[t]) for t in models.tones[:, best] if t >= 0),
+        settling=float(weight @ (models.settling[used] >= 0)),
+        bumps=int(masked.sum()),
+        noise=float(np.sqrt(excess)),
+        rate_l=rate @ weight,
+    )
+
+
+def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple[Array, Array]:
+    """Log weight and concentration of the heading for each bias scale and model, shape (biases, models).
+
+    With variance V = 1 / information + bias^2 and headings uniform on the circle of radius w,
+    the horizontal part m has the density exp(-(|m|^2 + w^2) / 2 V) I_0(|m| w / V) / (2 pi V), and
+    the heading given m is von Mises with concentration |m| w / V.
+    """
+    from scipy.special import i0e
+
+    north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
+    variance = 1 / models.information + np.array(biases)[:, None] ** 2
+    size = np.hypot(models.rate[0], models.rate[1])
+    concentration = size * north / variance
+    log_weight = models.log_weight - 1.5 * np.log(models.information * variance)
+    log_weight = log_weight - ((size - north) ** 2 + (models.rate[2] - down) ** 2) / (2 * variance)
+    return log_weight + np.log(i0e(concentration)), concentration
+
+
+def _posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float, float, tuple[float, float]]:
+    """Mean, root mean square deviation and shortest 95 % interval of a mixture of von Mises laws."""
+    from scipy.special import i0e, i1e
+
+    pull = weight * i1e(concentration) / i0e(concentration)
+    mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
+    off = wrap(centre - mean)
+    spread = np.sqrt(weight @ (off**2 + 1 / np.maximum(concentration, 1e-3)))
+    reach = min(np.pi, 10 * spread)
+    grid = (np.arange(HEADINGS) + 0.5) / HEADINGS * 2 * reach - reach
+    density = np.zeros(HEADINGS)
+    order = np.argsort(-weight)
+    order = order[: np.searchsorted(np.cumsum(weight[order]), 0.9999) + 1]
+    for part in np.array_split(order, -(-len(order) // 500)):
+        peak = concentration[part, None] * (np.cos(grid - off[part, None]) - 1)
+        density += weight[part] / i0e(concentration[part]) @ np.exp(peak)
+    density /= density.sum()
+    middle = float(density @ grid)
+    cumulative = np.concatenate([[0.0], np.cumsum(density)])
+    ends = np.searchsorted(cumulative, cumulative + 0.95)
+    widths = np.where(ends <= HEADINGS, ends - np.arange(HEADINGS + 1), HEADINGS + 1)
+    start = int(np.argmin(widths))
+    low, high = (mean + 2 * reach * edge / HEADINGS - reach for edge in (start, start + widths[start]))
+    sigma = float(np.sqrt(density @ (grid - middle) ** 2))
+    if widths[start] >= HEADINGS and reach == np.pi:
+        return float(wrap_heading(mean + middle)), sigma, (0.0, 2 * np.pi)
+    return float(wrap_heading(mean + middle)), sigma, (float(wrap_heading(low)), float(wrap_heading(high)))
