@@ -48,8 +48,11 @@ def test_what_is_written_reads_back_bit_for_bit(tmp_path, suffix, accel, facts):
         assert back.accel_b.tobytes() == recording.accel_b.tobytes()
     else:
         assert back.accel_b is None
-    for name in ("rate_hz", "session", "start_time_utc", "rows_dropped", "gaps"):
+    for name in ("rate_hz", "session", "start_time_utc", "rows_dropped"):
         assert getattr(back, name) == getattr(recording, name), name
+    assert [gap.samples for gap in back.gaps] == [gap.samples for gap in recording.gaps]
+    starts = [[gap.start for gap in of.gaps] for of in (back, recording)]
+    assert_allclose(starts[0], starts[1], atol=0.5 / recording.rate_hz)  # to the sample
     for name in ("latitude", "heading_true"):
         there, here = getattr(back, name), getattr(recording, name)
         assert there == here if suffix == ".npz" or here is None else there == pytest.approx(here, rel=1e-15)
