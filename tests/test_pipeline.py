@@ -254,7 +254,7 @@ def test_convergence_ends_at_the_heading_and_narrows():
 
 def test_public_names():
     assert gn.heading is heading
-    assert set(gn.__all__) <= set(dir(gn))
+    assert set(gn.__all__) == set(gn._HOMES) <= set(dir(gn))
     with pytest.raises(AttributeError, match="nothing"):
         _ = gn.nothing  # type: ignore[attr-defined]
 

@@ -66,7 +66,7 @@ class HeadingEstimate:
     rate_hz: float
     end_time_utc: str | None
     poses: tuple[Pose, ...]
-    sigma_parts: dict[str, float]  # rad; the root sum square is sigma where sigma is small
+    sigma_parts: dict[str, float]  # rad, at most pi each; the root sum square is sigma where sigma is small
     gyro_bias: tuple[float, float, float] | None  # rad/s, where the method estimates it
     rate_mean: tuple[float, float, float]  # mean angular rate in the body frame, rad/s
     rate_norm: float  # its norm, rad/s
@@ -391,7 +391,7 @@ def _estimate(
         rate_hz=recording.rate_hz,
         end_time_utc=shift_utc(recording.start_time_utc, recording.duration),
         poses=(Pose(0.0, recording.duration, float(found.heading)),),
-        sigma_parts={name: float(np.sqrt(value) / arm) for name, value in solution.parts.items()},
+        sigma_parts={name: float(min(np.sqrt(value) / arm, np.pi)) for name, value in solution.parts.items()},
         gyro_bias=None,
         rate_mean=(float(mean[0]), float(mean[1]), float(mean[2])),
         rate_norm=norm,

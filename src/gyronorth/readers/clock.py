@@ -38,7 +38,7 @@ class Ticks:
         missing = np.zeros(len(step))
         for i in np.flatnonzero(step > self.longest):
             # A late stamp makes its step long and the next one short, an early one the one before.
-            neighbours = step[max(i - 1, 0) : i + 2]
+            neighbours = step[max(i - 1, 0) : i + 2] if self.expected == self.interval else []
             lent = sum(self.interval - other for other in neighbours if other < (1 - USUAL) * self.interval)
             missing[i] = max(0.0, np.rint((step[i] - lent - self.expected) / self.interval))
         return missing
@@ -55,7 +55,7 @@ def measure(step: NDArray[np.float64]) -> Ticks | None:
         stray = np.cumsum(step) / mean - np.arange(1, len(step) + 1)
         if np.ptp(stray) <= 2.0:
             return Ticks(mean, longest=1.5 * max(float(step.max()), mean), expected=mean)
-    interval = float(step[~unusual].mean())
+    interval = middle if unusual.all() else float(step[~unusual].mean())
     filled = len(step) * interval / float(step.sum())
     if np.mean(step < (1 - USUAL) * middle) <= MOST_SHORT and min(1 - np.mean(unusual), filled) >= LEAST_USUAL:
         return Ticks(interval, longest=1.5 * interval, expected=interval)

@@ -179,7 +179,8 @@ class _Reading:
         """UTC of a sample, counted from the first one returned."""
         stated = self.source.stated.start_time_utc
         before = self.regulariser.leading / self.rate_hz + (self.options.window[0] if self.options.window else 0.0)
-        return shift_utc(stated, before + first / self.rate_hz)
+        shift = before + first / self.rate_hz
+        return shift_utc(stated, shift) if shift else stated
 
     def recording(
         self,
