@@ -16,7 +16,7 @@ from pynmeagps import NMEAReader
 
 from gyronorth.allan import allan_deviation
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.pipeline import Convergence, HeadingEstimate, Pose
+from gyronorth.estimate import Convergence, HeadingEstimate, Pose
 from gyronorth.report import figures, nmea, tables, terminal, wording
 from gyronorth.report.html import heading_page
 from gyronorth.report.tables import Outcome

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.angles import DEG_PER_HOUR, wrap_heading
+from gyronorth.alignment.closed_form import Levelled
+from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimated, still_segments
+from gyronorth.deviation import DeviationModel
 from gyronorth.earth import EARTH_RATE
+from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate, Pose, Turn
 from gyronorth.recording import InputError, Recording, shift_utc
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.solution import (
@@ -25,12 +29,25 @@ from gyronorth.solution import (
     solve_mean,
     unknown,
 )
+from gyronorth.specialists import (
+    BAYES_LONGEST,
+    BAYES_RATE,
+    BAYES_SHORTEST,
+    bayes_fits,
+    segments_of,
+    solve_bayes,
+    solve_network,
+    solve_turned,
+    with_deviation,
+)
 from gyronorth.validity import Finding, Gate, implied_latitude, length_gate
 
 Array = NDArray[np.float64]
 
 #: Methods that `heading` offers.
-METHODS = ("auto", "mean", "inertial")
+METHODS = ("auto", "mean", "inertial", "turned", "bayes", "paper", "baseline")
+#: Those of them that run a trained bundle.
+TRAINED = ("paper", "baseline")
 #: Latitudes given and stored may differ by this, rad, before it is a mistake.
 LATITUDE_CONFLICT = np.radians(0.1)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
@@ -38,97 +55,18 @@ GROUP_SAMPLES = 1_500_000
 
 
 @dataclass(frozen=True)
-class Pose:
-    """A stretch of standing still."""
+class _Found:
+    """What one method found of one recording, before it becomes an estimate."""
 
-    start: float  # s from the start of the recording
-    end: float  # s
-    heading: float  # rad
-
-
-@dataclass(frozen=True)
-class HeadingEstimate:
-    """The heading of one recording, its uncertainty and the verdict on it. SI and radians."""
-
-    heading: float | None  # [0, 2 pi), clockwise from true north, at the end of the recording
-    sigma: float | None  # one standard deviation, rad
-    interval95: tuple[float, float]  # (low, high) clockwise: low > high where it crosses north
-    reasons: tuple[Finding, ...]  # why the heading is refused; empty when valid
-    warnings: tuple[Finding, ...]
     method: str
-    method_reason: str
-    bundle: str | None
-    roll: float | None
-    pitch: float | None
-    latitude: float
-    sensor: str | None
-    duration: float  # s
-    rate_hz: float
-    end_time_utc: str | None
-    poses: tuple[Pose, ...]
-    sigma_parts: dict[str, float]  # rad, at most pi each; the root sum square is sigma where sigma is small
-    gyro_bias: tuple[float, float, float] | None  # rad/s, where the method estimates it
-    rate_mean: tuple[float, float, float]  # mean angular rate in the body frame, rad/s
-    rate_norm: float  # its norm, rad/s
-    implied_latitude: float | None  # asin(-w_down / |w|), rad
-
-    @property
-    def valid(self) -> bool:
-        """Whether there are no reasons to refuse."""
-        return not self.reasons
-
-    def to_json(self) -> dict[str, Any]:
-        """The object that `heading --json` prints (schema gyronorth.heading/1), in degrees."""
-        deg = _degrees
-        return {
-            "schema": "gyronorth.heading/1",
-            "heading_deg": deg(self.heading),
-            "sigma_deg": deg(self.sigma),
-            "interval95_deg": [deg(self.interval95[0]), deg(self.interval95[1])],
-            "valid": self.valid,
-            "reasons": [vars(finding) for finding in self.reasons],
-            "warnings": [vars(finding) for finding in self.warnings],
-            "method": self.method,
-            "method_reason": self.method_reason,
-            "bundle": self.bundle,
-            "roll_deg": deg(self.roll),
-            "pitch_deg": deg(self.pitch),
-            "latitude_deg": deg(self.latitude),
-            "sensor": self.sensor,
-            "duration_s": self.duration,
-            "rate_hz": self.rate_hz,
-            "end_time_utc": self.end_time_utc,
-            "poses": [
-                {"start_s": pose.start, "end_s": pose.end, "heading_deg": deg(pose.heading)} for pose in self.poses
-            ],
-            "sigma_parts_deg": {name: deg(value) for name, value in self.sigma_parts.items()},
-            "gyro_bias_deg_h": None if self.gyro_bias is None else [b / DEG_PER_HOUR for b in self.gyro_bias],
-            "rate_mean_deg_h": [rate / DEG_PER_HOUR for rate in self.rate_mean],
-            "rate_norm_deg_h": self.rate_norm / DEG_PER_HOUR,
-            "implied_latitude_deg": deg(self.implied_latitude),
-        }
-
-
-@dataclass(frozen=True)
-class HeadingBatch:
-    """Headings of a batch, arrays of shape (recordings,)."""
-
-    heading: Array  # rad in [0, 2 pi)
-    sigma: Array  # rad
-    low: Array  # lower end of the 95 % interval, rad in [0, 2 pi)
-    high: Array  # upper end, clockwise from `low`
-    valid: NDArray[np.bool_]
-    method: NDArray[np.str_]
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """The heading that the first `time` seconds would have given, arrays of shape (k,)."""
-
-    time: Array  # s
-    heading: Array  # rad
-    half_width: Array  # of the 95 % interval, rad
-    valid: NDArray[np.bool_]
+    solution: Solution
+    why: str
+    moved: Disturbance | None = None
+    poses: tuple[Pose, ...] = ()
+    turns: tuple[Turn, ...] = ()
+    gyro_bias: tuple[float, float, float] | None = None
+    bundle: str | None = None
+    warnings: tuple[Finding, ...] = ()
 
 
 def heading(
@@ -137,7 +75,10 @@ def heading(
     latitude: float | None = None,
     sensor: Sensor | str | None = None,
     method: str = "auto",
+    model: str | Path | None = None,
     attitude: tuple[float, float] | None = None,
+    turn_angles: Sequence[float] | None = None,
+    deviation: DeviationModel | None = None,
 ) -> HeadingEstimate:
     """Heading of a recording from the Earth rate it senses, with sigma and verdict.
 
@@ -150,11 +91,20 @@ def heading(
     sensor : Sensor or str, optional
         Profile: a `Sensor`, a shipped name or a file. Without one the bias scale is inferred
         from what can be seen, and `bias_unknown` warns.
-    method : {"auto", "mean", "inertial"}
-        "auto" takes the mean, or, if the recording is disturbed, the method whose own sigma
-        is smallest.
+    method : str
+        One of `METHODS`. "auto" takes "turned" if the recording holds two or more poses; else,
+        if it is disturbed, of "inertial", "bayes" and "mean" the one whose own sigma is
+        smallest; else "mean".
+    model : str or Path, optional
+        Bundle for "paper" and "baseline"; without one, that which ships with the package.
     attitude : tuple of float, optional
         Known roll and pitch, rad, in place of levelling by the accelerometer.
+    turn_angles : sequence of float, optional
+        Angles of the turns between poses, rad, clockwise from above, as an index table gives
+        them; without them the gyro measures them.
+    deviation : DeviationModel, optional
+        Deviation curve, applied to the closed form where recording and curve share a session,
+        or the curve has none.
 
     Returns
     -------
@@ -163,8 +113,8 @@ def heading(
     Raises
     ------
     InputError
-        If the latitude is missing, out of range or contradicts the recording, the method is
-        unknown, or it needs an accelerometer that the recording does not have.
+        If the latitude is missing, out of range or contradicts the recording, or the method is
+        unknown or cannot work on this recording.
     """
     data = Data(
         recording.gyro_b,
@@ -174,16 +124,17 @@ def heading(
         None if sensor is None else read_sensor(sensor),
         attitude,
     )
-    _check_method(method, data)
-    mean = mean_alignment(data)
+    _check_method(method, data, model)
+    if turn_angles is not None and method not in ("auto", "turned"):
+        raise InputError(f"Turn angles belong to method turned, or auto; method {method} was given. Leave them out.")
     short = length_gate(data.gyro_b.shape[-2], data.duration, ())
     if short.failed:
-        reasons = [short.finding()]
-        return _estimate(recording, data, unknown(mean), "mean", "too short for any other", reasons, None)
-    moved = disturbance(data, mean)
-    chosen, solution, why = _choose(method, data, moved, solve_mean(data, mean, moved))
-    reasons = [gate.finding() for gate in [*solution.gates, *saturation_gates(data)]]
-    return _estimate(recording, data, solution, chosen, why, reasons, moved)
+        found = _Found("mean", replace(unknown(mean_alignment(data)), gates=[short]), "too short for any other")
+    else:
+        found = _find(method, data, model, turn_angles)
+    if deviation is not None:
+        found = _deviated(found, data, recording, deviation)
+    return _estimate(recording, data, found)
 
 
 def heading_batch(
@@ -194,6 +145,7 @@ def heading_batch(
     latitude: float,
     sensor: Sensor | str | None = None,
     method: str = "mean",
+    model: str | Path | None = None,
 ) -> HeadingBatch:
     """Headings of many recordings of one length at once.
 
@@ -206,8 +158,9 @@ def heading_batch(
         Sample rate, Hz.
     latitude : float
         rad.
-    sensor, method
-        As in `heading`.
+    sensor, method, model
+        As in `heading`; "auto" takes every recording for one pose and chooses of "mean" and
+        "inertial".
 
     Returns
     -------
@@ -226,8 +179,11 @@ def heading_batch(
     for start in range(0, len(gyro), group):
         part = slice(start, start + group)
         data = Data(gyro[part], None if accel is None else accel[part], rate_hz, latitude, profile)
-        _check_method(method, data)
-        pieces.append(_batch(method, data))
+        _check_method(method, data, model)
+        if method in ("auto", "mean", "inertial"):
+            pieces.append(_batch(method, data))
+        else:
+            pieces += [_one_of_batch(method, data, model, index) for index in range(len(data.gyro_b))]
     return HeadingBatch(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in vars(pieces[0])))
 
 
@@ -237,6 +193,7 @@ def convergence(
     latitude: float | None = None,
     sensor: Sensor | str | None = None,
     method: str = "mean",
+    model: str | Path | None = None,
     attitude: tuple[float, float] | None = None,
     points: int = 60,
 ) -> Convergence:
@@ -244,7 +201,7 @@ def convergence(
 
     Parameters
     ----------
-    recording, latitude, sensor, method, attitude
+    recording, latitude, sensor, method, model, attitude
         As in `heading`.
     points : int
         Number of times, evenly spaced in the logarithm from 5 s, or a twentieth, to the end.
@@ -258,11 +215,12 @@ def convergence(
             latitude=latitude,
             sensor=sensor,
             method=method,
+            model=model,
             attitude=attitude,
         )
         for count in counts
     ]
-    angle = np.array([run.heading for run in runs], dtype=float)
+    angle = np.array([np.nan if run.heading is None else run.heading for run in runs])
     low, high = (np.array([run.interval95[side] for run in runs]) for side in (0, 1))
     return Convergence(
         time=counts / slow.rate_hz,
@@ -272,13 +230,20 @@ def convergence(
     )
 
 
-def _check_method(method: str, data: Data) -> None:
+def _check_method(method: str, data: Data, model: str | Path | None) -> None:
     if method not in METHODS:
         raise InputError(f"Method {method!r} is not known; one of {', '.join(METHODS)} is expected.")
+    if model is not None and method not in TRAINED:
+        raise InputError(f"A bundle was given, but method {method} runs none; {' and '.join(TRAINED)} do.")
     if method == "inertial" and data.accel_b is None:
         raise InputError(
             "Method 'inertial' traces gravity and needs specific force; the recording has angular rate only. "
             "Use --method mean."
+        )
+    if method == "bayes" and not bayes_fits(data):
+        raise InputError(
+            f"Method 'bayes' works on {BAYES_SHORTEST:g} to {BAYES_LONGEST:g} s at {BAYES_RATE:g} Hz or more; the "
+            f"recording has {data.duration:g} s at {data.rate_hz:g} Hz. Cut it with --window, or use --method mean."
         )
 
 
@@ -299,22 +264,87 @@ def _latitude(given: float | None, recording: Recording) -> float:
     return float(stored if given is None else given)  # type: ignore[arg-type]
 
 
-def _choose(method: str, data: Data, moved: Disturbance, mean: Solution) -> tuple[str, Solution, str]:
-    """The method of one recording, its solution and the reason for the choice."""
+def _find(method: str, data: Data, model: str | Path | None, turn_angles: Sequence[float] | None) -> _Found:
+    """What the asked method, or the one that auto chooses, finds in one recording."""
+    if method in ("auto", "turned") and data.attitude is None:
+        segments = segments_of(data)
+        if method == "turned" or segments.poses > 1:
+            angles = None if turn_angles is None else np.asarray(turn_angles, dtype=float)
+            turned = solve_turned(data, segments, angles)
+            why = "asked for" if method == "turned" else f"{segments.poses} poses"
+            return _Found(
+                "turned",
+                turned.solution,
+                why,
+                None,
+                turned.poses,
+                turned.turns,
+                turned.fit.gyro_bias,
+                None,
+                turned.warnings,
+            )
+    if turn_angles is not None:
+        raise InputError("Turn angles were given, but the recording holds one pose only. Leave them out.")
+    closed = mean_alignment(data)
+    moved = disturbance(data, closed)
+    if method in TRAINED:
+        from gyronorth.alignment.bundle import shipped_bundle
+        from gyronorth.alignment.learned import load_bundle
+
+        bundle = load_bundle(shipped_bundle(method) if model is None else model)
+        return _Found(method, solve_network(data, closed, bundle), "asked for", moved, bundle=bundle.name)
+    mean = solve_mean(data, closed, moved)
     if method == "mean":
-        return "mean", mean, "asked for"
+        return _Found("mean", mean, "asked for", moved)
     if method == "inertial":
-        return "inertial", solve_inertial(data, moved), "asked for"
-    state = "one pose, swaying" if moved.detected else "one pose, undisturbed"
-    if data.accel_b is None or data.attitude is not None:
-        return "mean", mean, state + (", no specific force to trace gravity with" if moved.detected else "")
-    if not moved.detected and data.sensor is not None:
-        return "mean", mean, state
-    traced = solve_inertial(data, moved)
-    comparison = f"sigma {np.degrees(traced.sigma):.2f} deg by inertial, {np.degrees(mean.sigma):.2f} deg by mean"
-    if prefers_inertial(data, moved, mean, traced):
-        return "inertial", traced, f"one pose, swaying: {comparison}"
-    return "mean", mean, f"{state}: {comparison}" if moved.detected else state
+        return _Found("inertial", solve_inertial(data, moved), "asked for", moved)
+    if method == "bayes":
+        return _Found("bayes", solve_bayes(data, closed, moved), "asked for", moved)
+    return _of_one_pose(data, closed, moved, mean)
+
+
+def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solution) -> _Found:
+    """The choice of auto where there is one pose: the mean, or what has the smallest sigma under disturbance."""
+    can_trace = data.accel_b is not None and data.attitude is None
+    traced = solve_inertial(data, moved) if can_trace and (moved.detected or data.sensor is None) else None
+    disturbed = bool(moved.detected) or (traced is not None and bool(prefers_inertial(data, moved, mean, traced)))
+    if not disturbed:
+        return _Found("mean", mean, "one pose, undisturbed", moved)
+    candidates = {"mean": mean}
+    if traced is not None:
+        candidates["inertial"] = traced
+    if moved.detected and bayes_fits(data):
+        candidates["bayes"] = solve_bayes(data, closed, moved)
+    best = min(candidates, key=lambda name: float(candidates[name].sigma))
+    sigmas = ", ".join(f"{np.degrees(float(found.sigma)):.2f} deg by {name}" for name, found in candidates.items())
+    return _Found(best, candidates[best], f"one pose, disturbed: sigma {sigmas}", moved)
+
+
+def _one_of_batch(method: str, data: Data, model: str | Path | None, index: int) -> HeadingBatch:
+    one = replace(data, gyro_b=data.gyro_b[index], accel_b=None if data.accel_b is None else data.accel_b[index])
+    found = _find(method, one, model, None)
+    single = _as_batch(found.solution, saturation_gates(one), np.asarray(method))
+    return HeadingBatch(*(np.asarray(value)[None] for value in vars(single).values()))
+
+
+def _deviated(found: _Found, data: Data, recording: Recording, model: DeviationModel) -> _Found:
+    """`found` corrected by a deviation curve, with the warning that says whether it was."""
+    if found.method != "mean":
+        raise InputError(
+            f"A deviation curve corrects the closed form, but the method is {found.method}. Use --method mean with it."
+        )
+    in_set = model.session is None or model.session == recording.session
+    if in_set:
+        message = (
+            f"Corrected by a deviation curve of {len(model.heading)} recordings; it holds for that unit and session."
+        )
+    else:
+        message = (
+            f"The deviation curve was measured in session {model.session!r}, this recording is of "
+            f"{recording.session!r}: not applied."
+        )
+    solution = with_deviation(found.solution, model, latitude=data.latitude, in_set=in_set)
+    return replace(found, solution=solution, warnings=(*found.warnings, Finding("deviation_applied", message)))
 
 
 def _batch(method: str, data: Data) -> HeadingBatch:
@@ -360,47 +390,44 @@ def _as_batch(solution: Solution, extra: list[Gate], method: NDArray[np.str_]) -
     )
 
 
-def _estimate(
-    recording: Recording,
-    data: Data,
-    solution: Solution,
-    method: str,
-    why: str,
-    reasons: list[Finding | None],
-    moved: Disturbance | None,
-) -> HeadingEstimate:
-    found = solution.levelled
-    result = _as_batch(solution, [], np.asarray(method))
-    mean = data.gyro_b.mean(axis=0)
+def _estimate(recording: Recording, data: Data, found: _Found) -> HeadingEstimate:
+    levelled, solution = found.solution.levelled, found.solution
+    known = not any(gate.code == "bundle_mismatch" for gate in solution.gates)
+    bounds = _as_batch(solution, [], np.asarray(found.method))
+    poses = found.poses or ((Pose(0.0, recording.duration, float(levelled.heading)),) if known else ())
+    first, last = (round(edge * data.rate_hz) for edge in (poses[-1].start, poses[-1].end)) if poses else (0, None)
+    mean = data.gyro_b[first:last].mean(axis=0)
     norm = float(np.linalg.norm(mean))
-    arm = np.sqrt(max(np.hypot(*found.rate_l[:2]) * _horizontal_earth_rate(data.latitude), np.finfo(float).tiny))
+    arm = EARTH_RATE * np.cos(data.latitude)
+    if found.method in ("mean", "inertial"):
+        arm = np.sqrt(np.hypot(*levelled.rate_l[:2]) * arm)
+    arm = max(float(arm), np.finfo(float).tiny)
+    gates = [*solution.gates, *saturation_gates(data)]
+    reasons = [finding for gate in gates if (finding := gate.finding())]
     return HeadingEstimate(
-        heading=float(found.heading),
-        sigma=float(solution.sigma),
-        interval95=(float(result.low), float(result.high)),
-        reasons=tuple(_explained(finding, recording) for finding in reasons if finding),
-        warnings=_warnings(recording, data, moved),
-        method=method,
-        method_reason=why,
-        bundle=None,
-        roll=float(found.roll),
-        pitch=float(found.pitch),
+        heading=float(levelled.heading) if known else None,
+        sigma=float(solution.sigma) if known else None,
+        interval95=(float(bounds.low), float(bounds.high)),
+        reasons=tuple(_explained(finding, recording) for finding in reasons),
+        warnings=(*_warnings(recording, data, found.moved), *found.warnings),
+        method=found.method,
+        method_reason=found.why,
+        bundle=found.bundle,
+        roll=float(levelled.roll),
+        pitch=float(levelled.pitch),
         latitude=data.latitude,
         sensor=None if data.sensor is None else data.sensor.name,
         duration=recording.duration,
         rate_hz=recording.rate_hz,
         end_time_utc=shift_utc(recording.start_time_utc, recording.duration),
-        poses=(Pose(0.0, recording.duration, float(found.heading)),),
+        poses=poses,
+        turns=found.turns,
         sigma_parts={name: float(min(np.sqrt(value) / arm, np.pi)) for name, value in solution.parts.items()},
-        gyro_bias=None,
+        gyro_bias=found.gyro_bias,
         rate_mean=(float(mean[0]), float(mean[1]), float(mean[2])),
         rate_norm=norm,
-        implied_latitude=float(implied_latitude(found.rate_l)) if norm > 0 else None,
+        implied_latitude=float(implied_latitude(levelled.rate_l)) if norm > 0 else None,
     )
-
-
-def _horizontal_earth_rate(latitude: float) -> float:
-    return float(EARTH_RATE * np.cos(latitude))
 
 
 def _explained(finding: Finding, recording: Recording) -> Finding:
@@ -419,7 +446,7 @@ def _explained(finding: Finding, recording: Recording) -> Finding:
 def _warnings(recording: Recording, data: Data, moved: Disturbance | None) -> tuple[Finding, ...]:
     warnings = []
     if data.sensor is None:
-        message = "No sensor profile: the bias is inferred from the norm and the vertical component of the mean rate."
+        message = "No sensor profile: the size of the gyro's errors is inferred from the recording itself."
         warnings.append(Finding("bias_unknown", message))
     if data.accel_b is None and data.attitude is None:
         cost = np.tan(abs(data.latitude))
@@ -439,7 +466,3 @@ def _swaying(moved: Disturbance) -> Finding:
         what, value, limit = "The tilt changed by {:.1f} arcsec over the recording", moved.tilt, moved.tilt_limit
     value, limit = (float(np.degrees(angle) * 3600) for angle in (value, limit))
     return Finding("swaying", what.format(value) + f"; at rest it stays below {limit:.1f} arcsec.", value, limit)
-
-
-def _degrees(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(np.degrees(value))

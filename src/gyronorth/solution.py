@@ -167,7 +167,7 @@ def solve_mean(data: Data, mean: Levelled, moved: Disturbance) -> Solution:
     if data.sensor is None:
         parts = {"noise": white, "sway": moved.variance}
     else:
-        parts = _claimed(data, mean, "mean")
+        parts = claimed_parts(data, mean, "mean")
         misfit = moved.white_is_noise & (white > NOISE_MISFIT * parts["noise"])
         parts["noise"] = np.where(misfit, white, parts["noise"])
         parts["sway"] = moved.variance
@@ -188,13 +188,13 @@ def solve_inertial(data: Data, moved: Disturbance) -> Solution:
     if data.sensor is None:
         parts = {"noise": measured * (STUDENT14_975 / NORMAL_975) ** 2}
     else:
-        parts = _claimed(data, traced, "inertial")
+        parts = claimed_parts(data, traced, "inertial")
         claimed = parts["noise"] + parts["drift"]
         parts["sway"] = np.where(measured > NOISE_MISFIT * claimed, measured - claimed, 0.0)
     return _conclude(data, traced, parts, moved, vertical=moved.white + moved.yaw_variance, inertial=True)
 
 
-def _claimed(data: Data, found: Levelled, method: str) -> dict[str, Array]:
+def claimed_parts(data: Data, found: Levelled, method: str) -> dict[str, Array]:
     """Variance parts that the profile claims, spread over the batch."""
     assert data.sensor is not None
     kind = "mean" if method == "mean" else "inertial"

@@ -59,7 +59,8 @@ class Gate:
         if not self.failed[index]:
             return None
         value, limit = float(self.value[index]), float(self.limit[index])
-        return Finding(self.code, self.message.format(value=value, limit=limit), value, limit)
+        message = self.message.format(value=value, limit=limit)
+        return Finding(self.code, message, *(None if np.isnan(number) else number for number in (value, limit)))
 
 
 def rate_gates(rate_l: Array, *, variance: Array, vertical_variance: Array, latitude: float, known: bool) -> list[Gate]:

@@ -31,7 +31,7 @@ from gyronorth.cli.progress import files_done, reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
-    from gyronorth.pipeline import HeadingEstimate
+    from gyronorth.estimate import HeadingEstimate
     from gyronorth.readers import ReadOptions
     from gyronorth.recording import Recording
     from gyronorth.report.tables import Outcome

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gyronorth.allan import AllanDeviation, Characterisation, Identification
-    from gyronorth.pipeline import Convergence, HeadingEstimate
+    from gyronorth.estimate import Convergence, HeadingEstimate
     from gyronorth.planning import Plan
 
 #: Colour on a light page -> CSS variable of the HTML report.

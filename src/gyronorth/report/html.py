@@ -27,7 +27,7 @@ from gyronorth.report.wording import (
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
-    from gyronorth.pipeline import Convergence
+    from gyronorth.estimate import Convergence
 
 
 def heading_page(

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 from gyronorth.report.wording import heading_text
 
 if TYPE_CHECKING:
-    from gyronorth.pipeline import HeadingEstimate
+    from gyronorth.estimate import HeadingEstimate
 
 #: Longest sentence, from $ to line feed: IEC 61162-1 (2010), 7.2.1.
 LONGEST = 82

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gyronorth.report.writing import written_beside
 
 if TYPE_CHECKING:
-    from gyronorth.pipeline import HeadingEstimate
+    from gyronorth.estimate import HeadingEstimate
 
 #: Columns of the table; a field without a value is empty.
 COLUMNS = (
