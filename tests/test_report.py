@@ -40,6 +40,7 @@ VALID = HeadingEstimate(
     rate_hz=600.0,
     end_time_utc=None,
     poses=(Pose(0.0, 100.0, radians(40.31)),),
+    turns=(),
     sigma_parts={"noise": radians(0.54), "drift": radians(0.9), "turn_on_bias": radians(4.4), "levelling": 0.0},
     gyro_bias=None,
     rate_mean=(9.7 * DEG_PER_HOUR, -8.2 * DEG_PER_HOUR, -8.0 * DEG_PER_HOUR),

@@ -113,8 +113,9 @@ def heading(
     Raises
     ------
     InputError
-        If the latitude is missing, out of range or contradicts the recording, or the method is
-        unknown or cannot work on this recording.
+        If the latitude is missing, out of range or contradicts the recording, the method is
+        unknown or cannot work on this recording; or the heading would be valid but for a note
+        of the reader that wants a declaration (`Note.blocking`).
     """
     data = Data(
         recording.gyro_b,
@@ -134,7 +135,11 @@ def heading(
         found = _find(method, data, model, turn_angles)
     if deviation is not None:
         found = _deviated(found, data, recording, deviation)
-    return _estimate(recording, data, found)
+    estimate = _estimate(recording, data, found)
+    for note in recording.notes:
+        if note.blocking and estimate.valid:
+            raise InputError(note.message)
+    return estimate
 
 
 def heading_batch(
@@ -211,7 +216,7 @@ def convergence(
     counts = np.unique(np.maximum(2, np.round(times * slow.rate_hz).astype(int)))
     runs = [
         heading(
-            replace(slow.window(0.0, count / slow.rate_hz), gaps=()),
+            replace(slow.window(0.0, count / slow.rate_hz), gaps=(), notes=()),
             latitude=latitude,
             sensor=sensor,
             method=method,
