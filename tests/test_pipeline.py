@@ -105,7 +105,7 @@ def test_auto_keeps_the_mean_when_quiet_and_traces_gravity_when_swaying():
     for sensor in (calm, None):
         estimate = heading(swaying, sensor=sensor)
         assert estimate.method == "inertial"
-        assert "swaying" in estimate.method_reason
+        assert "disturbed" in estimate.method_reason
         assert estimate.sigma < heading(swaying, sensor=sensor, method="mean").sigma
 
 
@@ -210,6 +210,50 @@ def test_latitude_is_needed_bounded_and_unambiguous():
     with pytest.raises(InputError, match=r"0\.1 deg"):
         heading(recorded(), latitude=LATITUDE + np.radians(0.11))
     heading(recorded(), latitude=LATITUDE + np.radians(0.09))
+
+
+def test_poses_are_found_and_turned_is_taken():
+    sensor = Sensor("biased", TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR, turn_on_bias=DEG_PER_HOUR))
+    turned = recorded(sensor, duration=110.0, motion=Motion(turns=((50.0, 10.0, np.pi),)))
+    estimate = heading(turned, sensor=sensor)
+    assert estimate.method == "turned"
+    assert estimate.valid
+    assert abs(angle_error(estimate.heading, turned.heading_true)) < 3.3 * estimate.sigma < np.radians(2.0)
+    assert len(estimate.poses) == 2
+    assert_allclose(np.degrees(estimate.turns[0].angle), 180, atol=0.5)
+    assert estimate.gyro_bias is not None
+    given = heading(turned, sensor=sensor, turn_angles=[np.pi])
+    assert abs(angle_error(given.heading, turned.heading_true)) < 3.3 * given.sigma
+    with pytest.raises(InputError, match="turn angles"):
+        heading(turned, sensor=sensor, turn_angles=[1.0, 2.0])
+    with pytest.raises(InputError, match="one pose"):
+        heading(recorded(sensor), sensor=sensor, turn_angles=[1.0])
+
+
+def test_bayes_works_on_disturbed_gyro_only_records_of_its_length():
+    sensor = Sensor("calm", TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR, turn_on_bias=0.1 * DEG_PER_HOUR))
+    disturbed = recorded(sensor, rate_hz=3.0, accel=False, motion=Motion(disturbance=_swinging))
+    auto = heading(disturbed, sensor=sensor)
+    assert auto.method == "bayes"
+    assert abs(angle_error(auto.heading, 0.7)) < 3.3 * auto.sigma
+    assert auto.sigma < heading(disturbed, sensor=sensor, method="mean").sigma
+    with pytest.raises(InputError, match="30 to 300 s"):
+        heading(disturbed.window(0, 20), sensor=sensor, method="bayes")
+
+
+def test_shipped_bundle_runs_and_refuses_what_does_not_fit():
+    recording = recorded(rate_hz=3.0)
+    for method in ("paper", "baseline"):
+        estimate = heading(recording, sensor="sdc500", method=method)
+        assert estimate.valid
+        assert estimate.bundle == method
+        assert abs(angle_error(estimate.heading, 0.7)) < 4 * estimate.sigma
+        other = heading(replace(recording, latitude=0.0), sensor="sdc500", method=method)
+        assert {finding.code for finding in other.reasons} == {"bundle_mismatch"}
+        assert other.heading is None
+        json.dumps(other.to_json(), allow_nan=False)
+    with pytest.raises(InputError, match="bundle"):
+        heading(recording, model="nowhere")
 
 
 def test_unknown_method_and_missing_accelerometer_are_refused():

@@ -37,6 +37,8 @@ from gyronorth.sensor import Sensor, TriadErrors
 
 Array = NDArray[np.float64]
 
+#: Least standard deviation of a mean rate, rad/s: a sensor without errors stays finite.
+RATE_FLOOR = 1e-12
 #: Gauss-Newton steps at most, and the change of attitude, rad, below which it has settled.
 STEPS, SETTLED = 8, 1e-6
 #: Of a sensor without a profile: relative scale factor and misalignment (MEMS data sheets).
@@ -252,6 +254,7 @@ def _solve(
 ) -> _Solution:
     known = prior(sensor, spins=int(blocks.spin.max(initial=-1)) + 1, bias_known=bias_known)
     gyro = mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz)
+    gyro = gyro + RATE_FLOOR**2 * np.eye(len(gyro))
     state, change = _first_guess(blocks, gyro, known, latitude), np.full(3, np.inf)
     for step in range(STEPS + 1):
         settled = step == STEPS or np.abs(change[:3]).max() < SETTLED
