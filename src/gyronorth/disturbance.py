@@ -40,9 +40,11 @@ DISTRIBUTIONS = {
     "knock": "Poisson, mean 1 per 100 s (shock only); one period of a sine, rate amplitude per axis normal, "
     "sigma 0.1 deg/s; length uniform 0.1-0.5 s; no net rotation",
     "warm-up": "gyro bias a exp(-t / tau), a normal per axis, sigma 2 deg/h; tau uniform 15-120 s",
-    "slow tilt": "angle a (1 - exp(-t / tau)) about the two horizontal axes, a normal, sigma 0.01 deg; tau uniform 30-300 s",
+    "slow tilt": "angle a (1 - exp(-t / tau)) about the two horizontal axes, a normal, sigma 0.01 deg; "
+    "tau uniform 30-300 s",
     "lever arm": "normal per axis, sigma 0.3 m, from the centre of rotation to the sensor",
-    "square": "held out: square wave of rate, amplitude per axis half-normal, sigma 0.002 deg/s; period log-uniform 5-60 s",
+    "square": "held out: square wave of rate, amplitude per axis half-normal, sigma 0.002 deg/s; "
+    "period log-uniform 5-60 s",
     "ramp": "held out: gyro bias growing linearly from zero, slope per axis normal, sigma 4 deg/h per 100 s",
     "beat": "held out: two tones of equal amplitude per axis, half-normal, sigma 0.002 deg/s; the first log-uniform "
     "0.008-0.3 Hz, the second 0.002-0.01 Hz above it",
