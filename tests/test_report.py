@@ -78,7 +78,8 @@ class TestWording:
         assert wording.interval_text([0.0, 360.0]) == "any heading"
 
     @pytest.mark.parametrize(
-        ("value", "text"), [(None, "unknown"), (4.5812, "4.58"), (0.00034, "0.00034"), (-0.001, "-0.001"), (0.0, "0.00")]
+        ("value", "text"),
+        [(None, "unknown"), (4.5812, "4.58"), (0.00034, "0.00034"), (-0.001, "-0.001"), (0.0, "0.00")],
     )
     def test_numbers_keep_two_figures(self, value, text):
         assert wording.number_text(value) == text
@@ -200,18 +201,24 @@ class TestTerminal:
 
     def test_folder_table(self):
         stream = io.StringIO()
-        terminal.print_folder([Outcome("a.csv", VALID), Outcome("b.csv", REFUSED), Outcome("c.csv", message="Bad.")], stream)
+        terminal.print_folder(
+            [Outcome("a.csv", VALID), Outcome("b.csv", REFUSED), Outcome("c.csv", message="Bad.")], stream
+        )
         header, a, b, c = stream.getvalue().splitlines()
         assert header.split()[0] == "file"
-        assert a.split() == "a.csv 40.31 4.58 31.30 to 49.30 deg valid".split()
-        assert b.endswith("refused: do not use this heading (rate_norm)")
+        assert a.split() == ["a.csv", "40.31", "4.58", "31.30", "to", "49.30", "valid"]
+        assert b.endswith("refused (rate_norm)")
         assert c.endswith("error: Bad.")
 
 
 class TestFigures:
     def test_convergence_is_unwrapped_about_the_final_heading(self):
-        crossing = replace(CONVERGENCE, heading=np.radians([340.0, 350.0, 10.0, 1.0]), half_width=np.radians([30, 20, 12, 8.0]))
-        axes = figures.convergence_figure(crossing, replace(VALID, heading=radians(1)), heading_true=radians(359)).axes[0]
+        crossing = replace(
+            CONVERGENCE, heading=np.radians([340.0, 350.0, 10.0, 1.0]), half_width=np.radians([30, 20, 12, 8.0])
+        )
+        axes = figures.convergence_figure(crossing, replace(VALID, heading=radians(1)), heading_true=radians(359)).axes[
+            0
+        ]
         valid, refused, truth = axes.get_lines()
         np.testing.assert_allclose(valid.get_ydata()[2:], [10, 1])
         np.testing.assert_allclose(refused.get_ydata()[:3], [-20, -10, 10])
@@ -225,15 +232,15 @@ class TestFigures:
 
     def test_unknown_heading_has_a_figure(self, tmp_path):
         figure = figures.heading_figure(replace(CONVERGENCE, heading=np.full(4, np.nan)), UNKNOWN)
-        figures.save(figure, tmp_path / "a.part", suffix=".png")
-        assert (tmp_path / "a.part").read_bytes().startswith(b"\x89PNG")
+        figures.write(figure, tmp_path / "a.png")
+        assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
     @pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
     def test_formats(self, tmp_path, suffix, start):
         deviation = allan_deviation(np.random.default_rng(1).standard_normal((400, 3)), rate_hz=10)
         figure = figures.heading_figure(CONVERGENCE, VALID, heading_true=radians(43), deviation=deviation)
-        figures.save(figure, tmp_path / "a.part", suffix=suffix)
-        assert (tmp_path / "a.part").read_bytes().startswith(start)
+        figures.write(figure, tmp_path / f"a{suffix}")
+        assert (tmp_path / f"a{suffix}").read_bytes().startswith(start)
 
     def test_figures_of_the_page_are_reproducible_and_follow_the_theme(self):
         first, second = (figures.svg_text(figures.convergence_figure(CONVERGENCE, VALID), salt="a") for _ in range(2))
@@ -315,3 +322,24 @@ def test_json_keys_are_those_of_the_design():
         rate_mean_deg_h rate_norm_deg_h implied_latitude_deg"""
     assert list(VALID.to_json()) == example.split()
     assert json.loads(json.dumps(VALID.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
+
+
+def test_hopeless_numbers_stay_readable():
+    """A gyro that reads zero: a part of sigma of any size, negative zeros, no implied latitude."""
+    hopeless = replace(UNKNOWN, sigma_parts={"turn_on_bias": 1e150}, pitch=-0.0)
+    lines = dict(wording.heading_lines(Outcome("zero.csv", hopeless)))
+    assert lines["parts of sigma"] == "turn-on bias > 180 deg"
+    assert lines["roll, pitch"] == "unknown, 0.00 deg"
+    page = heading_page(Outcome("zero.csv", hopeless), replace(CONVERGENCE, heading=np.full(4, np.nan)))
+    assert "&gt; 180°" in page
+
+
+def test_a_gyro_that_does_not_vary_has_a_figure():
+    figure = figures.allan_figure(allan_deviation(np.zeros((400, 3)), rate_hz=10))
+    assert [text.get_text() for text in figure.axes[0].texts] == ["the gyro does not vary"]
+    figure.draw_without_rendering()
+
+
+def test_a_file_name_that_is_no_utf8(tmp_path):
+    tables.write_csv([Outcome("a\udcff.csv", VALID)], tmp_path / "out.csv")
+    assert r"a\udcff.csv" in (tmp_path / "out.csv").read_text()

@@ -31,7 +31,16 @@ _HOMES = {
     "read_sensor": "sensor",
     "simulate": "simulation",
 }
-__all__ = list(_HOMES)
+__all__ = [
+    "InputError",
+    "Recording",
+    "allan_deviation",
+    "heading",
+    "heading_batch",
+    "read",
+    "read_sensor",
+    "simulate",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -204,7 +204,8 @@ def slope_variance(residual: Array, *, duration: float) -> Array:
     -----
     The cosine transform of the residual at harmonics 2..9 is fitted by white noise and random
     walk, a + b / k^2, both non-negative, and extrapolated to k = 1, where the slope lives (96 /
-    pi^4 = 98.6 % of a line): its variance is 12 / (n T^2) of the level there.
+    pi^4 = 98.6 % of a line): its variance is 12 / (n T^2) of the level there. A slope is within
+    1.96 of the root in 95 % of white, 90 % of flicker and 83 % of random-walk noise.
     """
     count = residual.shape[-2]
     phase = np.pi * np.outer(HARMONICS, np.arange(count) + 0.5) / count

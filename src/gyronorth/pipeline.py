@@ -23,6 +23,7 @@ from gyronorth.solution import (
     saturation_gates,
     solve_inertial,
     solve_mean,
+    unknown,
 )
 from gyronorth.validity import Finding, Gate, implied_latitude, length_gate
 
@@ -65,7 +66,7 @@ class HeadingEstimate:
     rate_hz: float
     end_time_utc: str | None
     poses: tuple[Pose, ...]
-    sigma_parts: dict[str, float]  # rad; the root sum square is sigma where sigma is small
+    sigma_parts: dict[str, float]  # rad, at most pi each; the root sum square is sigma where sigma is small
     gyro_bias: tuple[float, float, float] | None  # rad/s, where the method estimates it
     rate_mean: tuple[float, float, float]  # mean angular rate in the body frame, rad/s
     rate_norm: float  # its norm, rad/s
@@ -163,7 +164,8 @@ def heading(
     ------
     InputError
         If the latitude is missing, out of range or contradicts the recording, the method is
-        unknown, or it needs an accelerometer that the recording does not have.
+        unknown, or it needs an accelerometer that the recording does not have; or the heading
+        would be valid but for a note of the reader that wants a declaration (`Note.blocking`).
     """
     data = Data(
         recording.gyro_b,
@@ -175,12 +177,18 @@ def heading(
     )
     _check_method(method, data)
     mean = mean_alignment(data)
+    short = length_gate(data.gyro_b.shape[-2], data.duration, ())
+    if short.failed:
+        reasons = [short.finding()]
+        return _estimate(recording, data, unknown(mean), "mean", "too short for any other", reasons, None)
     moved = disturbance(data, mean)
     chosen, solution, why = _choose(method, data, moved, solve_mean(data, mean, moved))
-    short = length_gate(data.gyro_b.shape[-2], data.duration, ())
-    gates = [*solution.gates, short, *saturation_gates(data)]
-    reasons = [finding for gate in gates if (finding := gate.finding())]
-    return _estimate(recording, data, solution, chosen, why, tuple(_explain(reasons, recording)), moved)
+    reasons = [gate.finding() for gate in [*solution.gates, *saturation_gates(data)]]
+    estimate = _estimate(recording, data, solution, chosen, why, reasons, moved)
+    for note in recording.notes:
+        if note.blocking and estimate.valid:
+            raise InputError(note.message)
+    return estimate
 
 
 def heading_batch(
@@ -251,7 +259,7 @@ def convergence(
     counts = np.unique(np.maximum(2, np.round(times * slow.rate_hz).astype(int)))
     runs = [
         heading(
-            replace(slow.window(0.0, count / slow.rate_hz), gaps=()),
+            replace(slow.window(0.0, count / slow.rate_hz), gaps=(), notes=()),
             latitude=latitude,
             sensor=sensor,
             method=method,
@@ -316,17 +324,31 @@ def _choose(method: str, data: Data, moved: Disturbance, mean: Solution) -> tupl
 
 def _batch(method: str, data: Data) -> HeadingBatch:
     found = mean_alignment(data)
+    shape = found.heading.shape
+    short = length_gate(data.gyro_b.shape[-2], data.duration, shape)
+    names = np.full(shape, "mean", dtype="<U16")
+    if short.failed.any():
+        return _as_batch(unknown(found), [short], names)
     moved = disturbance(data, found)
     mean = solve_mean(data, found, moved)
-    shape = mean.sigma.shape
-    extra = [length_gate(data.gyro_b.shape[-2], data.duration, shape), *saturation_gates(data)]
-    result = _as_batch(mean, extra, np.full(shape, "mean", dtype="<U16"))
-    if method == "mean" or data.accel_b is None or (data.sensor and method == "auto" and not moved.detected.any()):
+    extra = saturation_gates(data)
+    result = _as_batch(mean, extra, names)
+    asked = np.full(shape, method == "inertial" or (method == "auto" and data.sensor is None)) | moved.detected
+    if method == "mean" or data.accel_b is None or not asked.any():
         return result
-    traced = solve_inertial(data, moved)
-    take = np.ones(shape, bool) if method == "inertial" else prefers_inertial(data, moved, mean, traced)
-    other = _as_batch(traced, extra, np.full(shape, "inertial", dtype="<U16"))
-    return HeadingBatch(*(np.where(take, getattr(other, n), getattr(result, n)) for n in vars(result)))
+    # Only what may take the other method pays for it.
+    some = replace(data, gyro_b=data.gyro_b[asked], accel_b=data.accel_b[asked])
+    found = mean_alignment(some)
+    moved = disturbance(some, found)
+    traced = solve_inertial(some, moved)
+    take = np.ones(asked.sum(), bool)
+    if method == "auto":
+        take = prefers_inertial(some, moved, solve_mean(some, found, moved), traced)
+    other = _as_batch(traced, saturation_gates(some), np.full(asked.sum(), "inertial", dtype="<U16"))
+    rows = np.flatnonzero(asked)[take]
+    for name, values in vars(other).items():
+        getattr(result, name)[rows] = values[take]
+    return result
 
 
 def _as_batch(solution: Solution, extra: list[Gate], method: NDArray[np.str_]) -> HeadingBatch:
@@ -349,8 +371,8 @@ def _estimate(
     solution: Solution,
     method: str,
     why: str,
-    reasons: tuple[Finding, ...],
-    moved: Disturbance,
+    reasons: list[Finding | None],
+    moved: Disturbance | None,
 ) -> HeadingEstimate:
     found = solution.levelled
     result = _as_batch(solution, [], np.asarray(method))
@@ -361,7 +383,7 @@ def _estimate(
         heading=float(found.heading),
         sigma=float(solution.sigma),
         interval95=(float(result.low), float(result.high)),
-        reasons=reasons,
+        reasons=tuple(_explained(finding, recording) for finding in reasons if finding),
         warnings=_warnings(recording, data, moved),
         method=method,
         method_reason=why,
@@ -374,7 +396,7 @@ def _estimate(
         rate_hz=recording.rate_hz,
         end_time_utc=shift_utc(recording.start_time_utc, recording.duration),
         poses=(Pose(0.0, recording.duration, float(found.heading)),),
-        sigma_parts={name: float(np.sqrt(value) / arm) for name, value in solution.parts.items()},
+        sigma_parts={name: float(min(np.sqrt(value) / arm, np.pi)) for name, value in solution.parts.items()},
         gyro_bias=None,
         rate_mean=(float(mean[0]), float(mean[1]), float(mean[2])),
         rate_norm=norm,
@@ -386,22 +408,20 @@ def _horizontal_earth_rate(latitude: float) -> float:
     return float(EARTH_RATE * np.cos(latitude))
 
 
-def _explain(reasons: list[Finding], recording: Recording) -> list[Finding]:
-    """Point from `motion` to the segments that stood still."""
-    explained = []
-    for finding in reasons:
-        if finding.code == "motion":
-            segments = still_segments(recording.gyro_b, rate_hz=recording.rate_hz)
-            longest = max(segments, key=lambda s: s[1] - s[0], default=None)
-            if longest and longest[1] - longest[0] < recording.duration:
-                hint = f" It stood still longest from {longest[0]:.1f} to {longest[1]:.1f} s: "
-                hint += f"try --window {longest[0]:.0f}:{longest[1]:.0f}."
-                finding = replace(finding, message=finding.message + hint)
-        explained.append(finding)
-    return explained
+def _explained(finding: Finding, recording: Recording) -> Finding:
+    """Point from `motion` to the segment that stood still longest."""
+    if finding.code != "motion":
+        return finding
+    segments = still_segments(recording.gyro_b, rate_hz=recording.rate_hz)
+    start, end = max(segments, key=lambda segment: segment[1] - segment[0], default=(0.0, recording.duration))
+    if end - start >= recording.duration:
+        return finding
+    start, end = np.ceil(start), np.floor(end)
+    hint = f" It stood still longest from {start:.0f} to {end:.0f} s: try --window {start:.0f}:{end:.0f}."
+    return replace(finding, message=finding.message + hint)
 
 
-def _warnings(recording: Recording, data: Data, moved: Disturbance) -> tuple[Finding, ...]:
+def _warnings(recording: Recording, data: Data, moved: Disturbance | None) -> tuple[Finding, ...]:
     warnings = []
     if data.sensor is None:
         message = "No sensor profile: the bias is inferred from the norm and the vertical component of the mean rate."
@@ -410,15 +430,20 @@ def _warnings(recording: Recording, data: Data, moved: Disturbance) -> tuple[Fin
         cost = np.tan(abs(data.latitude))
         message = f"No accelerometer: the unit is taken as level; each degree of tilt costs up to {cost:.2f} deg."
         warnings.append(Finding("assumed_level", message))
-    if moved.detected:
-        value, limit = float(np.degrees(moved.value) * 3600), float(np.degrees(moved.limit) * 3600)
-        message = (
-            f"The attitude swayed by {value:.1f} arcsec rms about its trend; noise and drift alone stay below "
-            f"{limit:.1f} arcsec."
-        )
-        warnings.append(Finding("swaying", message, value, limit))
+    if moved is not None and moved.detected:
+        warnings.append(_swaying(moved))
     warnings += [Finding(note.code, note.message, note.value, note.limit) for note in recording.notes]
     return tuple(warnings)
+
+
+def _swaying(moved: Disturbance) -> Finding:
+    """The warning of sway, with the statistic that showed it."""
+    if moved.angle > moved.angle_limit or moved.tilt <= moved.tilt_limit:
+        what, value, limit = "The attitude swayed by {:.1f} arcsec rms about its trend", moved.angle, moved.angle_limit
+    else:
+        what, value, limit = "The tilt changed by {:.1f} arcsec over the recording", moved.tilt, moved.tilt_limit
+    value, limit = (float(np.degrees(angle) * 3600) for angle in (value, limit))
+    return Finding("swaying", what.format(value) + f"; at rest it stays below {limit:.1f} arcsec.", value, limit)
 
 
 def _degrees(value: float | None) -> float | None:

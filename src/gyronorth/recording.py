@@ -33,7 +33,7 @@ class Gap:
 class Note:
     """A remark of the reader, shown to the user as a warning with its code."""
 
-    code: str  # axes_suspect, rows_dropped, gaps_bridged, time_jitter
+    code: str  # axes_suspect, rows_dropped, gaps_bridged, time_jitter, cut_off
     message: str
     value: float | None = None  # the measured figure, in the unit that the message names
     limit: float | None = None  # the limit beside it

@@ -135,12 +135,20 @@ def read_sensor(name_or_file: str | os.PathLike[str] | Sensor) -> Sensor:
 
 
 def write_sensor(sensor: Sensor, path: str | os.PathLike[str]) -> None:
-    """Write a JSON profile that `read_sensor` reads back to the same sensor (within 1e-12)."""
+    """Write a JSON profile that `read_sensor` reads back to the same sensor (within 1e-12).
+
+    Raises
+    ------
+    InputError
+        If the sensor is none that a profile may describe (a negative or absurd figure, no name).
+    """
     from gyronorth import profiles
 
     target = Path(path)
+    text = profiles.compose(dataclasses.asdict(sensor))
+    profiles.parse(text, where=f"The sensor to be written to {target}")
     beside = target.with_name(f"{target.name}.{os.getpid()}.part")
-    beside.write_text(profiles.compose(dataclasses.asdict(sensor)), encoding="utf-8")
+    beside.write_text(text, encoding="utf-8")
     beside.replace(target)
 
 

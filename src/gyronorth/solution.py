@@ -31,6 +31,7 @@ from gyronorth.uncertainty import (
 from gyronorth.validity import Gate, motion_gate, rate_gates, saturation_gate, width_gates
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: Inertial variance over the mean's noise below which the gyro's noise is motion: at rest it is
 #: at least 1.2, and its estimate on 16 degrees of freedom is below a quarter of that in 1e-4.
@@ -38,6 +39,8 @@ MOTION_RATIO = 0.3
 #: Measured over claimed noise variance above which the profile's noise is taken not to fit:
 #: the 99.95 % point of chi-square over 16 degrees of freedom, divided by 16.
 NOISE_MISFIT = 2.5
+#: Least standard deviation of a mean rate, rad/s (2e-7 deg/h): keeps a record without noise finite.
+RATE_FLOOR = 1e-12
 #: Squared discrepancy, in units of known noise, that noise alone stays below in half of all records.
 NOISE_EXPLAINS = np.log(2)
 #: The same that noise alone exceeds in one record of 100.
@@ -67,11 +70,14 @@ class Disturbance:
 
     sway: Sway
     white: Array  # variance of the mean rate per axis from white noise, by the record itself, (rad/s)^2
+    white_is_noise: Mask  # False where sway may stand behind it
     variance: Array  # added to a horizontal component of the mean rate, (rad/s)^2
     yaw_variance: Array  # added to the vertical component, (rad/s)^2
-    detected: Array  # bool
-    value: Array  # rms angle about the trend, rad
-    limit: Array  # rad
+    detected: Mask
+    angle: Array  # rms of the integrated horizontal rate about its trend, rad
+    angle_limit: Array  # what noise and drift alone stay below, rad
+    tilt: Array  # net tilt change by the accelerometer, rms per axis, rad; 0 without one
+    tilt_limit: Array  # what its noise and drift alone stay below, rad
 
 
 @dataclass(frozen=True)
@@ -90,26 +96,31 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
 
     The mean over T is wrong by the net tilt change over T: in variance 2 V / T^2 for an
     oscillation of variance V, plus the square of the change that the accelerometer's trend
-    shows; of yaw nothing shows the trend, and 3 V / T^2 allows for it. With a profile the integrated rate is held against what its noise and drift stray
-    from a line (`bent_angle_variance`), and the trend against the accelerometer's noise and
-    drift; without one, against the recording's own.
+    shows; of yaw nothing shows the trend, and 3 V / T^2 allows for it. With a profile the
+    integrated rate is held against what its noise and drift stray from a line
+    (`bent_angle_variance`), and the trend against the accelerometer's noise and drift; without
+    one, against the recording's own.
     """
     moved = sway(data.gyro_b, data.accel_b, mat_lb=mat_lb(mean.roll, mean.pitch), rate_hz=data.rate_hz)
     noise = noise_density(data.gyro_b, rate_hz=data.rate_hz)
     if data.sensor is None:
         unit, unit_limit = bent_angle_variance(TriadErrors(white=1.0), data.duration)
         expected, limit = noise.density**2 * unit, noise.density**2 * unit_limit
-        bent = (noise.excess > noise.excess_limit) & (moved.gyro_variance > limit)
+        bent = noise.excess > noise.excess_limit
         own_change = moved.tilt_noise
     else:
         unit, unit_limit = bent_angle_variance(data.sensor.gyro, data.duration)
         expected, limit = np.full_like(noise.density, unit), np.full_like(noise.density, unit_limit)
-        bent = moved.gyro_variance > limit
+        bent = np.ones(limit.shape, dtype=bool)
         own_change = np.maximum(moved.tilt_noise, _trend_variance(data.sensor, data.duration))
+    # Rounding of a record without noise is no sway.
+    limit, own_change = limit + (RATE_FLOOR * data.duration) ** 2, own_change + (RATE_FLOOR * data.duration) ** 2
+    bent = bent & (moved.gyro_variance > limit)
     white = noise.density**2 / data.duration
     if data.accel_b is None:
-        detected, change = bent, np.zeros_like(limit)
+        detected, change, square = bent, np.zeros_like(limit), np.zeros_like(limit)
         oscillation = np.maximum(moved.gyro_variance - expected, 0)
+        white_is_noise = ~detected | (noise.excess <= noise.excess_limit)
     else:
         square = moved.tilt_change**2 / 2
         detected = bent | (square > GATE_SIGMA**2 * own_change)
@@ -117,14 +128,18 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
         oscillation = np.maximum(moved.tilt_variance, 0)
         # Sway looks like noise of the gyro, but not in the difference of gyro and tilt.
         white = np.where(detected, np.minimum(white, moved.tilt_noise / data.duration**2), white)
+        white_is_noise = np.ones_like(detected)
     return Disturbance(
         sway=moved,
         white=white,
+        white_is_noise=white_is_noise,
         variance=np.where(detected, (2 * oscillation + change) / data.duration**2, 0.0),
         yaw_variance=np.where(detected, 3 * moved.yaw_variance / data.duration**2, 0.0),
         detected=detected,
-        value=np.sqrt(moved.gyro_variance),
-        limit=np.sqrt(limit),
+        angle=np.sqrt(moved.gyro_variance),
+        angle_limit=np.sqrt(limit),
+        tilt=np.sqrt(square),
+        tilt_limit=GATE_SIGMA * np.sqrt(own_change),
     )
 
 
@@ -134,7 +149,7 @@ def _trend_variance(sensor: Sensor, duration: float) -> float:
     return float((slope["noise"] + slope["drift"]) * (duration / STANDARD_GRAVITY) ** 2)
 
 
-def prefers_inertial(data: Data, moved: Disturbance, mean: Solution, traced: Solution) -> NDArray[np.bool_]:
+def prefers_inertial(data: Data, moved: Disturbance, mean: Solution, traced: Solution) -> Mask:
     """Where `auto` takes inertial-frame alignment: disturbed, and its own sigma is smaller.
 
     Without a profile a gyro that is noisier than what gravity's trace leaves room for counts
@@ -153,7 +168,7 @@ def solve_mean(data: Data, mean: Levelled, moved: Disturbance) -> Solution:
         parts = {"noise": white, "sway": moved.variance}
     else:
         parts = _claimed(data, mean, "mean")
-        misfit = ~moved.detected & (white > NOISE_MISFIT * parts["noise"])
+        misfit = moved.white_is_noise & (white > NOISE_MISFIT * parts["noise"])
         parts["noise"] = np.where(misfit, white, parts["noise"])
         parts["sway"] = moved.variance
     return _conclude(data, mean, parts, moved, vertical=white + moved.yaw_variance, inertial=False)
@@ -198,7 +213,7 @@ def _conclude(
     # First-order scale: a rate error e turns a rate of size |h| by e / sqrt(|h| Omega cos lat).
     arm = np.maximum(horizontal * signal, tiny)
     if data.sensor is None:
-        known = np.maximum(sum(parts.values()), tiny)
+        known = np.maximum(sum(parts.values()), RATE_FLOOR**2)
         scale, quantile = _inferred_scale(horizontal - signal, found.rate_l[..., 2], known, vertical, data.latitude)
         sigma, half = von_mises(arm / known)
         biased = np.minimum(quantile * scale / np.sqrt(arm), np.pi)
@@ -208,9 +223,9 @@ def _conclude(
         parts = {**parts, "turn_on_bias": np.where(quantile > 0, np.maximum(whole - known, 0), 0.0)}
         total, upright = np.maximum(known, whole), np.maximum(vertical, whole)
     else:
-        total = sum(parts.values()) + np.zeros_like(horizontal)
-        sigma, half = von_mises(arm / np.maximum(total, tiny))
-        upright = total - parts["levelling"] - parts["sway"] + moved.yaw_variance
+        total = np.maximum(sum(parts.values()) + np.zeros_like(horizontal), RATE_FLOOR**2)
+        sigma, half = von_mises(arm / total)
+        upright = np.maximum(total - parts["levelling"] - parts["sway"], RATE_FLOOR**2) + moved.yaw_variance
     gates = [
         *rate_gates(
             found.rate_l,
@@ -264,6 +279,12 @@ def saturation_gates(data: Data) -> list[Gate]:
             )
         )
     return gates
+
+
+def unknown(found: Levelled) -> Solution:
+    """The solution of a record too short to say anything of its noise: any heading."""
+    sigma = np.full(found.heading.shape, SIGMA_UNKNOWN)
+    return Solution(found, {}, sigma, np.full_like(sigma, np.pi), [])
 
 
 def mean_alignment(data: Data) -> Levelled:

@@ -187,13 +187,11 @@ def von_mises(concentration: ArrayLike) -> tuple[Array, Array]:
     """
     kappa = np.asarray(concentration, dtype=float)
     grid, rms, half = _von_mises_table()
-    scale = 1 / np.sqrt(np.maximum(kappa, 1e-300))
-    at = np.log(np.clip(kappa, grid[0], grid[-1]))
-    inside = kappa < grid[-1]
     # The table holds sigma sqrt(kappa) and half-width sqrt(kappa), smooth in ln kappa.
-    sigma = np.where(inside, np.interp(at, np.log(grid), rms), 1.0) * scale
-    width = np.where(inside, np.interp(at, np.log(grid), half), NORMAL_975) * scale
-    return np.minimum(sigma, SIGMA_UNKNOWN), np.minimum(width, np.pi)
+    held = np.clip(kappa, grid[0], grid[-1])
+    at, knots = np.log(held), np.log(grid)
+    scale = 1 / np.sqrt(np.where(kappa > grid[-1], kappa, held))
+    return np.interp(at, knots, rms) * scale, np.interp(at, knots, half) * scale
 
 
 @lru_cache

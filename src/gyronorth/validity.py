@@ -16,6 +16,7 @@ from gyronorth.conditioning import GATE_SIGMA
 from gyronorth.earth import EARTH_RATE
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: An interval wider than this to either side cannot tell north from south, rad.
 WIDEST_HALF_WIDTH = np.pi / 2
@@ -23,6 +24,8 @@ WIDEST_HALF_WIDTH = np.pi / 2
 WIDEST_CONCENTRATION = 2.36
 #: Heading error that second-order motion may cost before the recording counts as moving, rad.
 MOTION_ALLOWANCE = np.radians(0.5)
+#: The same for a heading that is known badly anyway, rad: 18 deg of excursion is motion to anyone.
+MOTION_ALLOWANCE_MOST = 0.1
 #: Attitude change that inertial-frame alignment may carry, rad: beyond it the unit turned.
 INERTIAL_EXCURSION = np.radians(45.0)
 #: Fewest samples and shortest time, s, from which a noise level can be read at all.
@@ -49,7 +52,7 @@ class Gate:
     message: str  # with {value} and {limit}
     value: Array
     limit: Array
-    failed: Array
+    failed: Mask
 
     def finding(self, index: tuple[int, ...] = ()) -> Finding | None:
         """The finding of one recording of the batch, or None where the gate holds."""
@@ -129,7 +132,7 @@ def width_gates(
     allowed, allowed_45 = ((level**2 / WIDEST_CONCENTRATION) for level in (signal, EARTH_RATE * np.sqrt(0.5)))
     rest = np.maximum(variance - noise_variance, 0)
     needed = duration * noise_variance / np.maximum(allowed - rest, np.finfo(float).tiny)
-    short = wide & (rest < allowed)
+    short = wide & (needed > duration) & (rest < allowed)
     polar = wide & ~short & (variance < allowed_45)
     half_deg = np.degrees(half_width)
     limit_deg = np.full_like(half_width, np.degrees(WIDEST_HALF_WIDTH))
@@ -164,10 +167,10 @@ def motion_gate(excursion: Array, sigma: Array, *, inertial: Array) -> Gate:
     """Attitude change that the method does not model.
 
     An excursion of r rad biases a plain mean by up to r^2, so r is held against the root of
-    the larger of sigma and 0.5 deg; inertial-frame alignment follows any attitude, and 45 deg
+    sigma, taken between 0.5 deg and 0.1 rad; inertial-frame alignment follows any attitude, and 45 deg
     is where the unit is no longer in one pose.
     """
-    limit = np.where(inertial, INERTIAL_EXCURSION, np.sqrt(np.clip(sigma, MOTION_ALLOWANCE, 1.0)))
+    limit = np.where(inertial, INERTIAL_EXCURSION, np.sqrt(np.clip(sigma, MOTION_ALLOWANCE, MOTION_ALLOWANCE_MOST)))
     return Gate(
         "motion",
         "The unit turned by {value:.2f} deg about its mean attitude; at most {limit:.2f} deg is standing still.",

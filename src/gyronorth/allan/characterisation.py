@@ -38,6 +38,9 @@ _ACCEL_KEYS = {
     "rate_random_walk": ("acceleration_random_walk_mg_sqrt_h", _MG / 60),
     "quantisation": ("quantisation_m_s", 1.0),
 }
+_BIAS = {"bias_instability": "bias instability"}
+_GYRO_NAMES = {"angle_random_walk": "angle random walk", **_BIAS, "rate_random_walk": "rate random walk"}
+_ACCEL_NAMES = {"angle_random_walk": "velocity random walk", **_BIAS, "rate_random_walk": "acceleration random walk"}
 # Term of an Identification: field of TriadErrors.
 _FIELDS = {
     "angle_random_walk": "white",
@@ -198,9 +201,9 @@ def _remarks(what: str, report: TriadReport) -> list[str]:
             f"The {what} is fitted from {triad.tau[0]:.3g} s on: shorter averaging times do not follow the model "
             "(filter, vibration or sway)."
         )
-    for term in ("angle_random_walk", "bias_instability", "rate_random_walk"):
-        subject = f"The {what}'s {term.replace('_', ' ')}"
-        status = getattr(triad, term).status
+    names = _GYRO_NAMES if what == "gyro" else _ACCEL_NAMES
+    for term, name in names.items():
+        subject, status = f"The {what}'s {name}", getattr(triad, term).status
         if status == "upper bound":
             remarks.append(f"{subject} is an upper bound.")
         elif status == "not identified":
@@ -233,8 +236,8 @@ def _with_turn_on_bias(sensor: Sensor, recording: Recording, latitude: float | N
         accel_bias = STUDENT1 * (error if latitude is not None else max(error, GRAVITY_HALF_RANGE))
         accel = replace(accel, turn_on_bias=accel_bias)
         remarks.append(
-            f"The accelerometer's, {accel_bias / _MG:.3g} mg, is inferred from the size of the mean specific force "
-            f"({STUDENT1:.2f} times its error)."
+            f"The accelerometer's turn-on bias, {accel_bias / _MG:.3g} mg, is inferred from the size of the mean "
+            f"specific force ({STUDENT1:.2f} times its error)."
         )
     return replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=gyro_bias), accel=accel), remarks
 
@@ -248,8 +251,8 @@ def _gap_message(recording: Recording) -> str:
     missing = sum(gap.samples for gap in recording.gaps)
     return (
         f"{recording.source or 'The recording'} has {len(recording.gaps)} gap(s), {missing} samples in all; bridged "
-        "samples would make the noise look smaller. The Allan deviation needs an unbroken record: use a window without a gap, "
-        f"the longest is {np.ceil(start * 1000) / 1000:g}:{np.floor(end * 1000) / 1000:g} s."
+        "samples would make the noise look smaller. The Allan deviation needs an unbroken record: use a window "
+        f"without a gap; the longest is {np.ceil(start * 1000) / 1000:g}:{np.floor(end * 1000) / 1000:g} s."
     )
 
 

@@ -133,14 +133,14 @@ def degrees_of_freedom(multiples: ArrayLike, n: int, slope: ArrayLike) -> Array:
     white = (3 * (points - 1) / (2 * m) - 2 * (points - 2) / points) * 4 * m**2 / (4 * m**2 + 5)
     flicker = np.where(m == 1, 2 * (points - 2) ** 2 / (2.3 * points - 4.9), 5 * points**2 / (4 * m * (points + 3 * m)))
     walk = (points - 2) / m * ((points - 1) ** 2 - 3 * m * (points - 1) + 4 * m**2) / (points - 3) ** 2
-    slope = np.clip(slope, -1, 1)
+    slope = np.clip(np.asarray(slope, dtype=float), -1, 1)
     mixed = np.where(slope < 0, flicker - slope * (white - flicker), flicker + slope * (walk - flicker))
-    return np.maximum(mixed, 1.0).astype(float)
+    return np.maximum(mixed, 1.0, dtype=np.float64)
 
 
 def octaves(n: int, longest_part: float) -> Array:
     """Multiples 1, 2, 4, ... up to `longest_part` of n samples."""
-    return 2.0 ** np.arange(int(np.log2(n * longest_part)) + 1)
+    return 2.0 ** np.arange(int(np.log2(n * longest_part)) + 1, dtype=float)
 
 
 def check_samples(x: ArrayLike, rate_hz: float) -> Array:
@@ -201,9 +201,14 @@ def chi_square_point(probability: ArrayLike, dof: ArrayLike) -> Array:
 def _slope(m: Array, variance: Array) -> Array:
     """Local slope of ln variance against ln tau, a straight line over a factor of four to each side."""
     log_m, log_v = np.log(m), np.log(np.maximum(variance, np.finfo(float).tiny))
-    slope = np.full(len(m), -1.0)
-    for i in range(len(m)):
-        near = np.abs(log_m - log_m[i]) <= np.log(4) + 1e-9
-        if near.sum() > 1:
-            slope[i] = np.polyfit(log_m[near], log_v[near], 1)[0]
-    return slope
+    first = np.searchsorted(log_m, log_m - np.log(4) - 1e-9)
+    last = np.searchsorted(log_m, log_m + np.log(4) + 1e-9)
+    count = last - first
+
+    def mean(values: Array) -> Array:
+        running = np.concatenate([[0.0], np.cumsum(values)])
+        return (running[last] - running[first]) / count
+
+    spread = mean(log_m**2) - mean(log_m) ** 2
+    common = mean(log_m * log_v) - mean(log_m) * mean(log_v)
+    return np.where(count > 1, common / np.where(count > 1, spread, 1.0), -1.0)

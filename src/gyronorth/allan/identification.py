@@ -38,6 +38,9 @@ LONGEST_PART = 0.1
 FEWEST_OCTAVES = 5
 #: Relative error of the model that is always allowed for in a variance, 1 sigma.
 MODEL_ERROR = 0.01
+#: Relative error of the walk's Allan variance at one sample: K^2 tau / 3 is that of interval means;
+#: samples of the walk itself have 1 + 0.5 / m^2 of it.
+SAMPLED_WALK = 0.5
 #: Above this scatter of the variances about the fit, relative, its terms mean nothing.
 WORST_MISFIT = 0.3
 #: Step of the chi-square law with one degree of freedom at 95 %, and the level at which a fit is refused.
@@ -196,9 +199,9 @@ class _Fit:
     -----
     The covariance of two estimates is 4 / T times the integral over f > 0 of H_i H_j S^2, with
     H = 2 sin^4(pi f tau) / (m sin(pi f / rate))^2 and the two-sided spectrum S of the model. The
-    record being finite, T - 1.5 tau stands for T, a fit to NIST SP 1065, table 5, within 15 % for
-    white, flicker and random walk at tau <= T / 10 (a test compares them). The logarithmic grid undersamples H at
-    high f, where it needs only the mean of its oscillation.
+    record being finite, T - 1.5 tau stands for T: with it the variances agree with NIST SP 1065,
+    table 5, within 20 % for white, flicker and random walk, m >= 16 and tau <= T / 10. The
+    logarithmic grid undersamples H at high f, where it needs only the mean of its oscillation.
     """
 
     def __init__(self, m: Array, variance: Array, n: int, rate_hz: float, *, axes: int, flicker_longest: float) -> None:
@@ -247,13 +250,16 @@ class _Fit:
     def covariance(self, parameters: Array) -> Array:
         """Covariance (k, k) of the Allan variances under the model."""
         density = (self._spectra @ parameters) ** 2 * self._width
-        return (self._response * density) @ self._response.T + np.diag((self.model_error * self.variance) ** 2)
+        sampled = parameters[3] * self._columns[:, 3] * SAMPLED_WALK / self.m**2
+        error = np.diag((self.model_error * self.variance) ** 2) + np.outer(sampled, sampled)
+        return (self._response * density) @ self._response.T + error
 
     def _most(self, k: int) -> float:
         """What the curve itself allows of term k: the least over tau of its upper bounds at 99.8 % together."""
         dof = self.axes * degrees_of_freedom(self.m, self.n, 1.0)
         upper = self.variance * dof / chi_square_point(0.002 / len(self.m), dof)
-        return float(np.min(upper / self._columns[:, k]))
+        least = self._columns[:, k] * (1 - SAMPLED_WALK / self.m**2 if k == 3 else 1.0)
+        return float(np.min(upper / least))
 
     def _bound(self, k: int, inside: float, outside: float) -> float:
         """Where the test of term k turns, between a value inside its interval and one outside; by bisection."""

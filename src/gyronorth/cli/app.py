@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from typing import Any, NoReturn
 
@@ -15,6 +16,8 @@ class Commands(TyperGroup):
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         if not standalone_mode:
             return super().main(*args, standalone_mode=False, **extra)
+        if isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(errors="backslashreplace")  # a file name may not fit the terminal's encoding
         try:
             code = super().main(*args, standalone_mode=False, **extra)
             sys.stdout.flush()
@@ -38,7 +41,8 @@ def _user_error(error: Exception) -> str | None:
     if hasattr(error, "format_message"):  # usage errors of click, wherever this version of typer keeps them
         context = getattr(error, "ctx", None)
         hint = f"\nTry '{context.command_path} --help'." if context else ""
-        return error.format_message() + hint  # type: ignore[attr-defined]
+        # Some versions let a word of pydantic's through.
+        return error.format_message().replace("Value error, ", "") + hint  # type: ignore[attr-defined]
     if isinstance(error, InputError):
         return str(error)
     if isinstance(error, OSError):
@@ -47,7 +51,7 @@ def _user_error(error: Exception) -> str | None:
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    sys.stderr.write(f"error: {message}\n")
+    typer.echo(f"error: {message}", err=True)
     sys.exit(code)
 
 

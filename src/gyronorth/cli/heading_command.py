@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +13,9 @@ import typer
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     DEG_PER_HOUR,
+    OUTPUT,
     PLOT_SUFFIXES,
+    SITE,
     Json,
     Method,
     Pitch,
@@ -24,7 +27,7 @@ from gyronorth.cli.options import (
     triple,
     with_reading,
 )
-from gyronorth.cli.progress import files_done, working
+from gyronorth.cli.progress import files_done, reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
@@ -74,16 +77,23 @@ def heading(
     sensor: SensorName = None,
     method: Annotated[Method, typer.Option(help="auto takes the one whose own sigma is smallest.")] = Method.auto,
     as_json: Json = False,
-    csv: Annotated[Path | None, typer.Option(metavar="OUT.csv", help="Write a table, one row per file.")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="OUT.csv", help="Write a table, one row per file.", rich_help_panel=OUTPUT)
+    ] = None,
     plot: Plot = None,
-    report: Annotated[Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.")] = None,
-    nmea: Annotated[bool, typer.Option("--nmea", help="Print HEHDT and a status sentence and nothing else.")] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.", rich_help_panel=OUTPUT)
+    ] = None,
+    nmea: Annotated[
+        bool, typer.Option("--nmea", help="Print HEHDT and a status sentence and nothing else.", rich_help_panel=OUTPUT)
+    ] = False,
     gyro_bias: Annotated[
         Any,
         typer.Option(
             metavar="X,Y,Z",
             parser=triple("X,Y,Z in deg/h", "1.2,-0.4,0.3", scale=DEG_PER_HOUR),
             help="Known gyro bias in body axes, deg/h; it is subtracted.",
+            rich_help_panel=SITE,
         ),
     ] = None,
     roll: Roll = None,
@@ -121,7 +131,7 @@ def _file(
     """One recording: its heading to standard output and the files asked for."""
     from gyronorth.report.tables import Outcome, write_csv
 
-    with working(f"reading {path.name}"):
+    with reading_file(path):
         recording = request.read(path)
     with working("finding north"):
         estimate = request.heading(recording)
@@ -159,14 +169,13 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
     if plot is not None:
         truth = recording.heading_true
         figure = figures.heading_figure(convergence, estimate, heading_true=truth, deviation=deviation)
-        with written_beside(plot) as part:
-            figures.save(figure, part, suffix=plot.suffix.lower())
+        figures.write(figure, plot)
     if report is not None:
         from gyronorth.report.html import heading_page
 
-        page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, request))
+        page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, recording, request))
         with written_beside(report) as part:
-            part.write_text(page, encoding="utf-8")
+            part.write_text(page, encoding="utf-8", errors="backslashreplace")  # a file name may be no UTF-8
 
 
 def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) -> int:
@@ -177,13 +186,14 @@ def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) 
 
     outcomes: list[Outcome] = []
     for path in files_done(recordings_in(folder)):
+        name = str(path.relative_to(folder))
         try:
             recording = request.read(path)
             estimate = request.heading(recording)
         except (InputError, OSError) as error:
-            outcomes.append(Outcome(path.name, message=str(error)))
+            outcomes.append(Outcome(name, message=str(error)))
         else:
-            outcomes.append(Outcome(path.name, estimate, heading_true=recording.heading_true))
+            outcomes.append(Outcome(name, estimate, heading_true=recording.heading_true))
     if csv is not None:
         write_csv(outcomes, csv)
     if as_json:
@@ -214,6 +224,27 @@ def _deviation(recording: Recording) -> AllanDeviation | None:
     return allan_deviation(recording.gyro_b, rate_hz=recording.rate_hz)
 
 
-def _inputs(file: str, request: Request) -> list[tuple[str, str]]:
-    """What the user declared, for the report."""
-    return [("file", file), ("method asked for", request.method)]
+def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str, str]]:
+    """What the user declared and what the file says, for the report."""
+    reading = request.reading
+    inputs = [("file", file), ("method asked for", request.method)]
+    if reading.window is not None:
+        inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
+    declared = [(name, getattr(reading, name)) for name in ("axes", "gyro_unit", "accel_unit", "variable")]
+    inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
+    if reading.rate_hz is not None:
+        inputs.append(("declared rate", f"{reading.rate_hz:g} Hz"))
+    if any(reading.boresight):
+        inputs.append(("boresight", ", ".join(f"{degrees(angle):g}°" for angle in reading.boresight)))
+    if reading.increments:
+        inputs.append(("values", "increments per sample"))
+    if reading.columns:
+        inputs.append(("columns", ", ".join(f"{ours} = {theirs}" for ours, theirs in reading.columns.items())))
+    if request.gyro_bias is not None:
+        bias = ", ".join(f"{value / DEG_PER_HOUR:g}" for value in request.gyro_bias)
+        inputs.append(("gyro bias subtracted", f"{bias} deg/h"))
+    if request.attitude is not None:
+        inputs.append(("roll and pitch given", ", ".join(f"{degrees(angle):g}°" for angle in request.attitude)))
+    if recording.session is not None:
+        inputs.append(("session", recording.session))
+    return inputs

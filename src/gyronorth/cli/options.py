@@ -83,7 +83,8 @@ def window(text: str) -> tuple[float, float]:
 
 def columns(text: str) -> dict[str, str]:
     """Our column names mapped to those of the file: t=time,w_x=gx,..."""
-    from gyronorth.readers import InputError, parse_columns
+    from gyronorth.readers import parse_columns
+    from gyronorth.recording import InputError
 
     try:
         return parse_columns(text)
@@ -91,12 +92,16 @@ def columns(text: str) -> dict[str, str]:
         raise typer.BadParameter(f"{error} Example: t=time,w_x=gx,w_y=gy,w_z=gz,f_x=ax,f_y=ay,f_z=az") from None
 
 
+#: Panels of the help text.
+FILE, SITE, OUTPUT = "How the file is read", "What is known", "Output"
+
 Latitude = Annotated[
     Any,
     typer.Option(
         metavar="DEG",
         parser=degrees("a latitude of -90 to 90 degrees", "32.11", low=-90, high=90),
         help="Geodetic latitude, north positive; may come from the file.",
+        rich_help_panel=SITE,
     ),
 ]
 Roll = Annotated[
@@ -105,6 +110,7 @@ Roll = Annotated[
         metavar="DEG",
         parser=degrees("a roll of -180 to 180 degrees", "1.5", low=-180, high=180),
         help="Roll, right side down positive.",
+        rich_help_panel=SITE,
     ),
 ]
 Pitch = Annotated[
@@ -113,6 +119,7 @@ Pitch = Annotated[
         metavar="DEG",
         parser=degrees("a pitch of -90 to 90 degrees", "-0.5", low=-90, high=90),
         help="Pitch, nose up positive.",
+        rich_help_panel=SITE,
     ),
 ]
 Rate = Annotated[
@@ -120,26 +127,43 @@ Rate = Annotated[
     typer.Option(
         metavar="HZ",
         parser=number("a positive sample rate in Hz", "100", above=0),
-        help="Sample rate of the file where it has no time column (it never resamples).",
+        help="Sample rate of the file where it has no time column; it never resamples.",
+        rich_help_panel=FILE,
     ),
 ]
 SensorName = Annotated[
-    str | None, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
+    str | None,
+    typer.Option(
+        "--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.", rich_help_panel=SITE
+    ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.")]
-Plot = Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).")]
+RequiredSensor = Annotated[
+    str, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
+Plot = Annotated[
+    Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
+]
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
 #: What `with_reading` adds to a command: option name -> (annotation, default).
 READING: dict[str, tuple[Any, Any]] = {
     "latitude": (Latitude, None),
     "window": (
-        Annotated[Any, typer.Option(metavar="START:END", parser=window, help="Use only this part, seconds.")],
+        Annotated[
+            Any,
+            typer.Option(metavar="START:END", parser=window, help="Use only this part, seconds.", rich_help_panel=FILE),
+        ],
         None,
     ),
     "rate": (Rate, None),
     "axes": (
-        Annotated[str | None, typer.Option(metavar="AXES", help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.")],
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="AXES", help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.", rich_help_panel=FILE
+            ),
+        ],
         None,
     ),
     "boresight": (
@@ -149,28 +173,48 @@ READING: dict[str, tuple[Any, Any]] = {
                 metavar="R,P,Y",
                 parser=triple("ROLL,PITCH,YAW in degrees", "0,0,90", scale=radians(1)),
                 help="Mounting of the sensor in the vehicle, degrees: turns its heading into the vehicle's.",
+                rich_help_panel=FILE,
             ),
         ],
         None,
     ),
     "gyro_unit": (
-        Annotated[str | None, typer.Option(metavar="UNIT", help="deg/s, rad/s or deg/h (increments: deg, rad).")],
+        Annotated[str | None, typer.Option(metavar="UNIT", help="deg/s, rad/s or deg/h.", rich_help_panel=FILE)],
         None,
     ),
-    "accel_unit": (Annotated[str | None, typer.Option(metavar="UNIT", help="m/s2 or g.")], None),
+    "accel_unit": (Annotated[str | None, typer.Option(metavar="UNIT", help="m/s2 or g.", rich_help_panel=FILE)], None),
     "increments": (
-        Annotated[bool, typer.Option("--increments", help="The file holds increments per sample, not rates.")],
+        Annotated[
+            bool,
+            typer.Option("--increments", help="The file holds increments per sample, not rates.", rich_help_panel=FILE),
+        ],
         False,
     ),
     "columns": (
         Annotated[
-            Any, typer.Option(metavar="MAP", parser=columns, help="Columns of the file: t=time,w_x=gx,..,f_z=az.")
+            Any,
+            typer.Option(
+                metavar="MAP",
+                parser=columns,
+                help="Columns of the file: t=time,w_x=gx,..,f_z=az.",
+                rich_help_panel=FILE,
+            ),
         ],
         None,
     ),
-    "variable": (Annotated[str | None, typer.Option(metavar="NAME", help="Variable to read from a .mat file.")], None),
+    "variable": (
+        Annotated[
+            str | None, typer.Option(metavar="NAME", help="Variable to read from a .mat file.", rich_help_panel=FILE)
+        ],
+        None,
+    ),
     "drop_bad_rows": (
-        Annotated[bool, typer.Option("--drop-bad-rows", help="Leave out rows that cannot be read, and report them.")],
+        Annotated[
+            bool,
+            typer.Option(
+                "--drop-bad-rows", help="Leave out rows that cannot be read, and report them.", rich_help_panel=FILE
+            ),
+        ],
         False,
     ),
 }
@@ -181,6 +225,7 @@ def with_reading(command: Callable[..., int | None]) -> Callable[..., int | None
 
     The command sees one `ReadOptions`; the command line sees the options of `READING` in its place.
     """
+    del command.__annotations__["reading"]  # known to the type checker only: it is not imported at start-up
     own = dict(inspect.signature(command, eval_str=True).parameters)
     del own["reading"]
 
@@ -199,12 +244,18 @@ def with_reading(command: Callable[..., int | None]) -> Callable[..., int | None
 
 
 def _read_options(values: dict[str, Any]) -> ReadOptions:
+    """The declarations about a file; a bad one is named as the option it came from."""
     from gyronorth.readers import ReadOptions
+    from gyronorth.recording import InputError
 
     given = {name: values[name] for name in READING if values[name] is not None}
-    if "rate" in given:
-        given["rate_hz"] = given.pop("rate")
-    return ReadOptions(**given)
+    fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
+    for option, (field, value) in zip(given, fields.items(), strict=True):
+        try:
+            ReadOptions(**{field: value})
+        except InputError as error:
+            raise typer.BadParameter(str(error), param_hint=f"'--{option.replace('_', '-')}'") from None
+    return ReadOptions(**fields)
 
 
 def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:
@@ -236,4 +287,4 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
 
 def print_json(document: Any) -> None:
     """Print one JSON value; a NaN would be a fault of ours and raises."""
-    typer.echo(json.dumps(document, ensure_ascii=False, allow_nan=False))
+    typer.echo(json.dumps(document, allow_nan=False))

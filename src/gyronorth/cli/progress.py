@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 
@@ -21,6 +21,12 @@ def working(text: str) -> Iterator[None]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         progress.add_task(text, total=None)
         yield
+
+
+def reading_file(path: Path) -> AbstractContextManager[None]:
+    """`working` while a file is read; the size tells how long it may take."""
+    size = path.stat().st_size / 1e6 if path.is_file() else 0.0
+    return working(f"reading {path.name}" + (f", {size:.0f} MB" if size >= 10 else ""))
 
 
 def files_done(paths: Sequence[Path]) -> Iterator[Path]:

@@ -4,17 +4,35 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import PLOT_SUFFIXES, Json, Plot, check_outputs, print_json, with_reading
-from gyronorth.cli.progress import working
+from gyronorth.cli.options import (
+    PLOT_SUFFIXES,
+    Json,
+    Latitude,
+    Plot,
+    RequiredSensor,
+    check_outputs,
+    print_json,
+    with_reading,
+)
+from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
+
+
+class PlannedMethod(StrEnum):
+    """Methods whose sigma can be told in advance."""
+
+    mean = "mean"
+    inertial = "inertial"
 
 
 @app.command()
@@ -28,3 +46,74 @@ def sensors(as_json: Json = False) -> None:
         print_json([json.loads(profiles.builtin_text(name)) for name in profiles.names()])
     else:
         print_sensors([read_sensor(name) for name in profiles.names()], sys.stdout)
+
+
+@app.command()
+@with_reading
+def allan(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of a sensor that stood still.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PROFILE", help="Write a profile for --sensor (JSON).")
+    ] = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE", help="Profile that supplies what the recording cannot show, such as turn-on bias."
+        ),
+    ] = None,
+    as_json: Json = False,
+    plot: Plot = None,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Allan deviation of a recording, and the error terms of its sensor with their intervals."""
+    from gyronorth import readers
+    from gyronorth.allan import characterise
+    from gyronorth.report.sensors import print_characterisation
+    from gyronorth.sensor import read_sensor, write_sensor
+
+    check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
+    base = None if sensor is None else read_sensor(sensor)
+    with reading_file(source):
+        recording = readers.read(source, reading)
+    with working("identifying error terms"):
+        source_name = recording.source.encode("utf-8", "backslashreplace").decode()  # a file name may be no UTF-8
+        recording = replace(recording, source=source_name)
+        found = characterise(recording, base=base, name=None if output is None else output.stem)
+    if output is not None:
+        write_sensor(found.sensor, output)
+    if plot is not None:
+        from gyronorth.report import figures
+
+        with working("drawing"):
+            figures.write(figures.characterisation_figure(found), plot)
+    if as_json:
+        print_json(found.to_json())
+    else:
+        print_characterisation(found, sys.stdout)
+
+
+@app.command()
+def plan(
+    sensor: RequiredSensor,
+    latitude: Latitude,
+    method: Annotated[PlannedMethod, typer.Option(help="Plain averaging, or inertial-frame alignment.")] = (
+        PlannedMethod.mean
+    ),
+    as_json: Json = False,
+    plot: Plot = None,
+) -> None:
+    """Expected heading sigma of a sensor against time and latitude, and how long waiting helps."""
+    from gyronorth import planning
+    from gyronorth.report.plans import DURATIONS, print_plan
+
+    check_outputs({"--plot": (plot, PLOT_SUFFIXES)})
+    planned = planning.plan(sensor, latitude=latitude, durations=DURATIONS, method=method.value)
+    if plot is not None:
+        from gyronorth.report import figures
+
+        figures.write(figures.plan_figure(planned), plot)
+    if as_json:
+        print_json(planned.to_json())
+    else:
+        print_plan(planned, sys.stdout)

@@ -53,6 +53,8 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
             head.take()
             header = titles
             _reject_other_delimiter(line, titles, head)
+        if ours and not options.columns and tuple(titles) not in (NAMES, (TIME, *RATES)):
+            raise InputError(f"Row {head.row} of {path.name} is not the header that gyronorth wrote: it is damaged.")
         first_row = head.peek() or ""
         trailing, titles = _trailing(titles, first_row, numeric)
         found = choose_columns(header if not numeric else len(titles), options.columns, _ALIASES, path.name)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import struct
-import tokenize
 import zipfile
-import zlib
 from collections.abc import Iterator
 from functools import partial
 from io import BytesIO
@@ -16,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.readers.mat import DEFLATE_RATIO
+from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FORCES, RATES, Bad, Block, Facts, Source
 from gyronorth.recording import Gap, InputError
@@ -28,11 +25,6 @@ _BLOCK_ROWS = 1 << 14
 _KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "session", "start_time_utc",
          "rows_dropped", "gaps")  # fmt: skip
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-#: What zipfile, zlib and numpy raise on damaged files.
-_DAMAGE = (
-    zipfile.BadZipFile, zlib.error, struct.error, ValueError, TypeError, KeyError, IndexError, OverflowError, EOFError,
-    OSError, RuntimeError, SyntaxError, MemoryError, tokenize.TokenError,
-)  # fmt: skip
 
 
 def open_npz(path: Path, options: ReadOptions) -> Source:
@@ -45,7 +37,7 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
             arrays = {key: _member(archive, key, path) for key in _KEYS if f"{key}.npy" in names}
     except InputError:
         raise
-    except _DAMAGE as error:
+    except Exception as error:  # zipfile, zlib and numpy raise almost any on damaged files
         detail = " ".join(str(error).split())[:100] or type(error).__name__
         raise InputError(f"{path.name} cannot be read ({detail}): it is damaged, cut off, or no .npz file.") from None
     if _text(arrays, "schema", path) != SCHEMA:

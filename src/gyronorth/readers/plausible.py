@@ -64,6 +64,8 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
     implausible = norm > IMPLAUSIBLE_HIGH or noise > IMPLAUSIBLE_ARW or (norm + 3 * uncertain < IMPLAUSIBLE_LOW)
     likely, possible = [], []
     for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.increments, rate_hz):
+        if force is not None and increments != declared.increments:
+            continue  # gravity has told already whether these are increments
         certain = uncertain * factor < NEAR_EARTH_RATE
         near = abs(norm * factor - 1) < NEAR_EARTH_RATE and certain
         if near and vertical is not None and declared.latitude is not None:

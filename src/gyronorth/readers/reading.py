@@ -136,6 +136,7 @@ class _Reading:
         self.source: Source = open_source(path, options)
         self.declared: Declared = resolve(self.source, options)
         self.regulariser = Regulariser(self.source, self.declared, options)
+        self.length_notes: tuple[Note, ...] = ()
 
     @property
     def rate_hz(self) -> float:
@@ -152,14 +153,21 @@ class _Reading:
                     break
         except OSError as error:
             raise InputError(f"{self.source.name} cannot be read: {error}.") from None
-        expected = self.source.stated.samples
-        if expected is not None and self.options.window is None and not self.options.drop_bad_rows:
-            self.regulariser.raise_bad()
-            if self.regulariser.rows != expected:
-                raise InputError(
-                    f"{self.source.name} states {expected} samples but has {self.regulariser.rows} rows: it is cut off "
-                    "or damaged. Pass --drop-bad-rows to take what there is."
-                )
+        self._check_length()
+
+    def _check_length(self) -> None:
+        """Whether all rows came that the file says it holds."""
+        expected, rows = self.source.stated.samples, self.regulariser.rows
+        if expected is None or self.options.window or rows == expected:
+            return
+        self.regulariser.raise_bad()
+        if not self.options.drop_bad_rows:
+            raise InputError(
+                f"{self.source.name} states {expected} samples but has {rows} rows: it is cut off or damaged. Pass "
+                "--drop-bad-rows to take what there is."
+            )
+        message = f"{self.source.name} states {expected} samples but has {rows} rows."
+        self.length_notes = (Note("cut_off", message, value=float(rows), limit=float(expected)),)
 
     def check(self, samples: NDArray[np.float64]) -> tuple[Note, ...]:
         """Units and axes against Earth rate and gravity."""
@@ -171,7 +179,8 @@ class _Reading:
         """UTC of a sample, counted from the first one returned."""
         stated = self.source.stated.start_time_utc
         before = self.regulariser.leading / self.rate_hz + (self.options.window[0] if self.options.window else 0.0)
-        return shift_utc(stated, before + first / self.rate_hz)
+        shift = before + first / self.rate_hz
+        return shift_utc(stated, shift) if shift else stated
 
     def recording(
         self,
@@ -209,7 +218,7 @@ class _Reading:
         )
 
     def _notes(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
-        notes = gap_notes(gaps, samples=samples)
+        notes = gap_notes(gaps, samples=samples) + self.length_notes
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)

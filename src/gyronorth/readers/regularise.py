@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.readers.clock import Ticks, measure
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import DESCRIBED, Block, Source
@@ -20,10 +21,9 @@ MOST_MISSING = 0.1
 TIMED_RATES = (0.5, 20000.0)
 #: Largest relative difference between a declared rate and that of the time column.
 RATE_TIMED_TOLERANCE = 0.01
-#: Share of rows with hardly any time between them above which time stamps come in bursts.
-MOST_BURSTS = 0.1
-#: Root mean square of time stamps against the grid, in sample intervals, above which they jitter.
-JITTER = 0.35
+#: Root mean square of time steps against the interval, in intervals, above which stamps jitter: stamps
+#: rounded to ticks of up to an interval show sqrt(1/8) = 0.354 at most.
+JITTER = 0.36
 #: More bad rows than this end the reading at once.
 PATIENCE = 1000
 
@@ -44,7 +44,8 @@ class Regulariser:
         self.jitter = 0.0  # largest root mean square of a block, in sample intervals
         self._source, self._declared, self._options = source, declared, options
         self._window: tuple[float, float] = (0, np.inf)  # in samples, once the rate is known
-        self._interval: float | None = None  # between samples, in units of the clock
+        self._settled = False  # whether rate, ticks and window are known
+        self._ticks: Ticks | None = None  # of the time column
         self.rows = 0  # rows seen, good and bad
         self._position = -1  # of the last sample on the grid
         self._last_row = 0
@@ -60,7 +61,7 @@ class Regulariser:
     def push(self, block: Block) -> NDArray[np.float64]:
         """Uniform samples, shape (m, 3) or (m, 6), SI in file axes, that `block` adds."""
         self.rows += len(block.rows) + len(block.bad.rows)
-        if self._interval is None and len(block.values):
+        if not self._settled and len(block.values):
             self._settle(block)
         bad, reasons = [block.bad.rows], list(block.bad.reasons)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -121,6 +122,8 @@ class Regulariser:
                     f"which lasts {duration:g} s."
                 )
             raise InputError(f"{name} holds no rows of data.")
+        if self._position == 0:
+            raise InputError(f"{name} holds a single row of data; a recording needs seconds of them.")
         if self._options.window and self._position + 1.5 < self._window[1]:
             raise InputError(
                 f"Window {self._options.window[0]:g}:{self._options.window[1]:g} s does not fit {name}, which lasts "
@@ -137,13 +140,13 @@ class Regulariser:
         """Sample interval and rate from the first usable block."""
         clock, name = self._source.clock, self._source.name
         if clock is not None:
-            self._interval = self._measured_interval(block.values[:, 0])
-            if self._interval is None and self.rate_hz is None:
+            time = block.values[:, 0]
+            self._ticks = measure(self._differences(time[np.isfinite(time)]))
+            if self._ticks is None and self.rate_hz is None:
                 raise InputError(f"{name} has a single time, so its rate is unknown. Declare it: --rate HZ.")
-            if self._interval is not None and clock.unit is not None:
-                self._agree(float(f"{1 / (self._interval * clock.unit):.7g}"), clock.name)
-        if self._interval is None:
-            self._interval = 1.0
+            if self._ticks is not None and clock.unit is not None:
+                self._agree(float(f"{1 / (self._ticks.interval * clock.unit):.7g}"), clock.name)
+        self._settled = True
         if self._options.window and self.rate_hz:
             self._window = tuple(round(limit * self.rate_hz) for limit in self._options.window)  # type: ignore[assignment]
 
@@ -163,18 +166,6 @@ class Regulariser:
                 f"{title} of {name} gives a rate of {timed:.6g} Hz, but {self.rate_hz:.6g} Hz is declared. Correct the "
                 "rate, or leave that column out: --columns t=-."
             )
-
-    def _measured_interval(self, time: NDArray[np.float64]) -> float | None:
-        """Mean interval between neighbours, gaps left out; None for fewer than two times."""
-        step = self._differences(time[np.isfinite(time)])
-        step = step[step > 0]
-        if len(step) == 0:
-            return None
-        interval = float(step[step <= np.quantile(step, 0.99)].mean())
-        for _ in range(3):
-            near = step[step < 1.75 * interval]
-            interval = float(near.mean()) if len(near) else interval
-        return interval if np.isfinite(interval) and interval > 0 else None
 
     def _differences(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         step = np.diff(time)
@@ -232,8 +223,8 @@ class Regulariser:
         self, time: NDArray[np.float64], rows: NDArray[np.int64], reasons: list[tuple[int, str]]
     ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """Which rows are in order of time, and the steps on the grid between these."""
-        interval = self._interval or 1.0
-        first = self._position < 0
+        ticks = self._ticks or Ticks(1.0, longest=np.inf, expected=1.0)
+        first, interval = self._position < 0, ticks.interval
         start = time[:1] - interval if first else np.array([self._last_time])
         step = self._differences(np.concatenate([start, time]))
         ordered = np.ones(len(time), dtype=bool)
@@ -255,27 +246,10 @@ class Regulariser:
         if len(step) == 0:
             return ordered, step
         self._last_time = float(time[-1])
-        return ordered, self._grid_steps(step / interval, rows[ordered])
-
-    def _grid_steps(self, ratio: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Whole steps of the grid, at least 1, from time steps in sample intervals."""
-        steps = np.rint(ratio)
-        short = np.flatnonzero(steps == 0)
-        if len(short) > max(1, MOST_BURSTS * len(steps)):
-            raise InputError(
-                f"{self._source.name}: {len(short)} of {len(steps)} time stamps around row {rows[short[0]]} come in "
-                "bursts, less than half a sample interval apart. Leave the time column out and declare the rate: "
-                "--columns t=- --rate HZ."
-            )
-        if len(short):
-            # A late stamp makes its own step long and the next one short: no sample is missing.
-            steps[short] = 1
-            for neighbour in (np.maximum(short - 1, 0), np.minimum(short + 1, len(steps) - 1)):
-                late = neighbour[steps[neighbour] == 2]
-                steps[late] = 1
-        usual = steps == 1
-        self.jitter = max(self.jitter, float(np.sqrt(np.mean((ratio[usual] - 1) ** 2))) if usual.any() else 0.0)
-        return steps
+        missing = ticks.missing(step)
+        usual = step[missing == 0] / ticks.interval
+        self.jitter = max(self.jitter, float(np.sqrt(np.mean((usual - 1) ** 2))) if len(usual) else 0.0)
+        return ordered, 1 + missing
 
     def _check_gaps(self, steps: NDArray[np.float64], rows: NDArray[np.int64]) -> None:
         """No gap inside the window is longer than what a straight line may bridge."""

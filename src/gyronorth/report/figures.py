@@ -7,26 +7,30 @@ report, where the colours become CSS variables so that they follow a light or a 
 
 from __future__ import annotations
 
+import re
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from gyronorth.angles import DEG_PER_HOUR, wrap
+from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.report.wording import duration_text, part_name
+from gyronorth.report.writing import written_beside
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from gyronorth.allan import AllanDeviation
-    from gyronorth.pipeline import Convergence, HeadingEstimate
+    from numpy.typing import NDArray
 
-#: Suffixes that a plot may be written to.
-SUFFIXES = (".png", ".svg", ".pdf")
+    from gyronorth.allan import AllanDeviation, Characterisation, Identification
+    from gyronorth.pipeline import Convergence, HeadingEstimate
+    from gyronorth.planning import Plan
 
 #: Colour on a light page -> CSS variable of the HTML report.
 COLOURS = {
@@ -135,27 +139,94 @@ def draw_convergence(
     steps = [1, 2, 3, 5, 10] if np.ptp(axes.get_ylim()) < 120 else [1, 3, 4.5, 9, 10]
     axes.yaxis.set_major_locator(MaxNLocator(nbins=7, steps=steps))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value % 360, 4) % 360:g}"))
-    _legend_above(axes)
+    _legend_above(axes, columns=2)
 
 
-def draw_allan(axes: Axes, deviation: AllanDeviation) -> None:
-    """Allan deviation of the gyro's axes with 95 % bounds."""
-    axes.set(title="Allan deviation of the gyro", xlabel="averaging time (s)", ylabel="deviation (deg/h)")
-    axes.set(xscale="log", yscale="log")
-    curves = zip(AXIS_STYLES, deviation.deviation.T, deviation.low.T, deviation.high.T, strict=True)
-    for (name, colour, line), value, low, high in curves:
-        axes.fill_between(deviation.tau, low / DEG_PER_HOUR, high / DEG_PER_HOUR, color=colour, alpha=0.13, linewidth=0)
-        axes.plot(deviation.tau, value / DEG_PER_HOUR, color=colour, linestyle=line, label=f"body {name}")
-    axes.grid(which="minor", alpha=0.35)
-    _legend_above(axes)
-
-
-def save(figure: Figure, path: Path, *, suffix: str) -> None:
-    """Write the figure to `path` in the format of `suffix`, one of `SUFFIXES`."""
+def characterisation_figure(found: Characterisation) -> Figure:
+    """Allan deviation of gyro and accelerometer with the fitted model of each triad."""
     with mpl.rc_context(SETTINGS):
-        FigureCanvasAgg(figure)
-        metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
-        figure.savefig(path, format=suffix.lstrip("."), dpi=150, metadata=metadata)
+        figure = _figure(8.0, 4.8 if found.accel is None else 9.2)
+        axes = figure.subplots(1 if found.accel is None else 2, 1, squeeze=False)[:, 0]
+        draw_allan(axes[0], found.gyro.deviation, model=found.gyro.triad)
+        if found.accel is not None:
+            draw_allan(axes[1], found.accel.deviation, model=found.accel.triad, sensor="accelerometer")
+    return figure
+
+
+def draw_allan(
+    axes: Axes,
+    deviation: AllanDeviation,
+    *,
+    model: Identification | None = None,
+    sensor: Literal["gyro", "accelerometer"] = "gyro",
+) -> None:
+    """Allan deviation of three axes with 95 % bounds and, where given, the model fitted to all three."""
+    unit, one = ("deg/h", DEG_PER_HOUR) if sensor == "gyro" else ("mg", 1e-3 * STANDARD_GRAVITY)
+    axes.set(title=f"Allan deviation of the {sensor}", xlabel="averaging time (s)", ylabel=f"deviation ({unit})")
+    _logarithmic(axes)
+    curves = zip(
+        AXIS_STYLES, *(part.T / one for part in (deviation.deviation, deviation.low, deviation.high)), strict=True
+    )
+    for (name, colour, line), value, low, high in curves:
+        if value.all():  # an axis that does not vary has no place on a logarithmic scale
+            axes.fill_between(deviation.tau, low, high, color=colour, alpha=0.13, linewidth=0)
+            axes.plot(deviation.tau, value, color=colour, linestyle=line, label=f"body {name}")
+    if not axes.lines:
+        axes.text(0.5, 0.5, f"the {sensor} does not vary", transform=axes.transAxes, ha="center", color=INK)
+    if model is not None:
+        tau = deviation.tau[deviation.tau >= model.tau[0] * 0.999]
+        axes.plot(tau, model.deviation(tau) / one, color=INK, linewidth=1.0, label="model of the triad")
+    _legend_above(axes, columns=3 if model is None else 4)
+
+
+def plan_figure(plan: Plan) -> Figure:
+    """Expected sigma against time with its parts, and for several latitudes."""
+    with mpl.rc_context(SETTINGS):
+        figure = _figure(8.0, 8.6)
+        parts, latitudes = figure.subplots(2, 1)
+        for axes in (parts, latitudes):
+            axes.set(xlabel="time standing still (s)", ylabel="heading sigma (deg)")
+            _logarithmic(axes)
+        total = np.degrees(plan.sigma)
+        where = f"{plan.sensor.name.replace('$', chr(92) + '$')} at {np.degrees(plan.latitude):.4g} deg, {plan.method}"
+        parts.set(title=f"Expected heading sigma: {where}", xlim=(plan.duration[0], plan.duration[-1]))
+        parts.plot(plan.duration, total, color=INK, linewidth=2.4, label="together")
+        styles = zip((BLUE, RED, GREEN, PINK), ("-", "--", "-.", ":"), strict=True)
+        for (part, value), (colour, line) in zip(plan.parts.items(), styles, strict=True):
+            if value.any():
+                parts.plot(plan.duration, np.degrees(value), color=colour, linestyle=line, label=part_name(part))
+        if plan.useful_duration is not None and plan.shortest_duration is not None:
+            label = f"waiting helps until {duration_text(plan.useful_duration)}"
+            parts.axvline(plan.useful_duration, color=FAINT, linewidth=1.2, linestyle=(0, (1, 1.5)), label=label)
+        bottom, top = parts.get_ylim()
+        parts.set_ylim(max(total.min() / 300, bottom), min(200, top))
+        latitudes.set(title="The same at other latitudes, north or south", xlim=(plan.duration[0], plan.duration[-1]))
+        for latitude, sigma, colour, line in _some_latitudes(plan):
+            label = f"{np.degrees(latitude):.0f} deg"
+            latitudes.plot(plan.duration, np.degrees(sigma), color=colour, linestyle=line, label=label)
+        latitudes.set_ylim(top=min(200, latitudes.get_ylim()[1]))
+        _legend_above(parts, columns=3)
+        _legend_above(latitudes, columns=4)
+    return figure
+
+
+def _some_latitudes(plan: Plan) -> list[tuple[float, NDArray[np.float64], str, str]]:
+    """Latitude, sigma, colour and line style of four curves from the equator towards the pole."""
+    picked = np.linspace(0, len(plan.latitudes) - 1, 4).round().astype(int)
+    styles = zip((BLUE, GREEN, RED, PINK), ("-", "-.", "--", ":"), strict=True)
+    return [
+        (float(plan.latitudes[index]), plan.sigma_by_latitude[index], colour, line)
+        for index, (colour, line) in zip(picked, styles, strict=True)
+    ]
+
+
+def write(figure: Figure, path: Path) -> None:
+    """Write the figure in the format of the suffix, .png, .svg or .pdf."""
+    suffix = path.suffix.lower()
+    FigureCanvasAgg(figure)
+    metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix)
+    with mpl.rc_context(SETTINGS), written_beside(path) as part:
+        figure.savefig(part, format=suffix.lstrip("."), dpi=150, metadata=metadata)
 
 
 def svg_text(figure: Figure, *, salt: str) -> str:
@@ -168,17 +239,33 @@ def svg_text(figure: Figure, *, salt: str) -> str:
         figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
+    svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\1{salt}-", svg)
     for colour, variable in COLOURS.items():
         svg = svg.replace(colour, f"var({variable})")
     return svg
 
 
-def _legend_above(axes: Axes) -> None:
-    """Two columns between title and axes, where no curve can run through them."""
-    rows = (len(axes.get_legend_handles_labels()[0]) + 1) // 2
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=2, borderaxespad=0.2, handlelength=2.2)
+def _logarithmic(axes: Axes) -> None:
+    """Logarithmic scales with plain numbers at them, 0.1 rather than a power."""
+    axes.set(xscale="log", yscale="log")
+    axes.grid(which="minor", alpha=0.35)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _legend_above(axes: Axes, *, columns: int) -> None:
+    """The legend between title and axes, where no curve can run through it."""
+    if not axes.get_legend_handles_labels()[0]:
+        return
+    rows = -(-len(axes.get_legend_handles_labels()[0]) // columns)
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=columns, borderaxespad=0.2, handlelength=2.2)
     axes.set_title(axes.get_title(loc="left"), pad=8 + 14.5 * rows)
 
 
 def _figure(width: float, height: float) -> Figure:
-    return Figure(figsize=(width, height), layout="constrained")
+    """An empty figure, inches."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr]
+    return figure

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from math import cos, radians, sin
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -14,7 +15,15 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.report.figures import allan_figure, convergence_figure, svg_text
 from gyronorth.report.tables import Outcome
-from gyronorth.report.wording import heading_text, interval_text, number_text, part_name, plain_text, verdict_text
+from gyronorth.report.wording import (
+    angle_text,
+    heading_text,
+    interval_text,
+    number_text,
+    part_name,
+    plain_text,
+    verdict_text,
+)
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
@@ -52,7 +61,7 @@ def heading_page(
         .get_template("heading.html.jinja")
         .render(
             doc=doc,
-            file=outcome.file,
+            name=PurePath(outcome.file).name,
             verdict=verdict_text(doc),
             interval=interval_text(doc["interval95_deg"], unit="°"),
             true_deg=true_deg,
@@ -77,7 +86,13 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number_text, "heading": heading_text, "part": part_name, "plain": plain_text}
+    environment.filters |= {
+        "number": number_text,
+        "angle": angle_text,
+        "heading": heading_text,
+        "part": part_name,
+        "plain": plain_text,
+    }
     return environment
 
 
@@ -86,8 +101,9 @@ def _bars(doc: dict[str, Any]) -> list[dict[str, Any]]:
     rows = [{"name": part_name(part), "value": value} for part, value in doc["sigma_parts_deg"].items()]
     rows.sort(key=lambda row: -(row["value"] or 0))
     rows.append({"name": "together", "value": doc["sigma_deg"]})
-    longest = max((row["value"] or 0 for row in rows), default=0) or 1
-    return [row | {"percent": 100 * (row["value"] or 0) / longest} for row in rows]
+    lengths = [min(row["value"] or 0, 180) for row in rows]
+    longest = max(lengths) or 1
+    return [row | {"percent": 100 * length / longest} for row, length in zip(rows, lengths, strict=True)]
 
 
 def _dial(doc: dict[str, Any]) -> dict[str, Any]:

@@ -92,7 +92,15 @@ def write_csv(outcomes: Sequence[Outcome], path: Path) -> None:
 
 def write_rows(rows: Iterable[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
     """Write rows as CSV (RFC 4180 quoting, UTF-8, plain line feeds)."""
-    with written_beside(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+    with (
+        written_beside(path) as part,
+        part.open(
+            "w",
+            newline="",
+            encoding="utf-8",
+            errors="backslashreplace",  # a file name may be no UTF-8
+        ) as file,
+    ):
         writer = csv.DictWriter(file, columns, lineterminator="\n", restval="")
         writer.writeheader()
         writer.writerows(rows)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from gyronorth.report.tables import Outcome
-from gyronorth.report.wording import heading_lines, heading_text, interval_text, number_text, verdict_text
+from gyronorth.report.wording import heading_lines, heading_text, number_text
 
 #: Style of the terminal for the labels of `heading_lines` that stand out.
 STYLES = {"reason": "red", "warning": "yellow", "heading": "bold", "verdict": "bold"}
@@ -40,14 +40,23 @@ def print_lines(lines: Sequence[tuple[str, str]], stream: TextIO) -> None:
     stream.writelines(f"{label:<{width}}  {text}".rstrip() + "\n" for label, text in lines)
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], stream: TextIO, *, title: str = "") -> None:
-    """Print rows of text as columns: ruled on a terminal, else aligned plain text."""
+def print_table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], stream: TextIO, *, unwrapped: int | None = None
+) -> None:
+    """Print rows of text as columns: ruled on a terminal, else aligned plain text.
+
+    On a terminal the first `unwrapped` columns (all but the last by default) keep to one line.
+    """
     if stream.isatty():
+        from rich.box import SIMPLE_HEAD
         from rich.console import Console
         from rich.table import Table
         from rich.text import Text
 
-        table = Table(*header, title=title or None, title_justify="left")
+        table = Table(box=SIMPLE_HEAD, pad_edge=False)
+        kept = len(header) - 1 if unwrapped is None else unwrapped
+        for position, name in enumerate(header):
+            table.add_column(name, no_wrap=position < kept, overflow="fold")
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         Console(file=stream).print(table)
@@ -66,14 +75,15 @@ def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
             rows.append((outcome.file, "", "", "", f"error: {outcome.message}"))
             continue
         doc = outcome.document()
+        low, high = doc["interval95_deg"]
         codes = ", ".join(finding["code"] for finding in doc["reasons"])
         rows.append(
             (
                 outcome.file,
                 "" if doc["heading_deg"] is None else heading_text(doc["heading_deg"]),
                 number_text(doc["sigma_deg"]),
-                interval_text(doc["interval95_deg"]),
-                "valid" if doc["valid"] else f"{verdict_text(doc)} ({codes})",
+                f"{heading_text(low)} to {heading_text(high, full_turn=True)}",
+                "valid" if doc["valid"] else f"refused ({codes})",
             )
         )
-    print_table(("file", "heading (deg)", "sigma (deg)", "95 % interval", "verdict"), rows, stream)
+    print_table(("file", "heading/deg", "sigma/deg", "95 % interval/deg", "verdict"), rows, stream)

@@ -34,9 +34,24 @@ def number_text(value: float | None, *, decimals: int = 2, unit: str = "") -> st
     """A number with its unit, or "unknown"; small numbers keep two figures, and there is no -0.00."""
     if value is None:
         return "unknown"
+    value += 0.0  # -0.0 becomes 0.0
     small = value != 0 and abs(value) < 10.0**-decimals
     text = f"{value:.2g}" if small else f"{value:.{decimals}f}"
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
+
+
+def duration_text(seconds: float) -> str:
+    """A duration in the unit that people would use: 45 s, 12 min, 2.8 h."""
+    if seconds < 60:
+        return f"{seconds:.3g} s"
+    return f"{seconds / 60:.3g} min" if seconds < 3600 else f"{seconds / 3600:.3g} h"
+
+
+def angle_text(angle_deg: float | None, *, unit: str = "") -> str:
+    """A part of sigma: beyond half a turn its size means nothing."""
+    if angle_deg is not None and angle_deg > 180:
+        return f"> 180{unit}"
+    return number_text(angle_deg, unit=unit)
 
 
 def plain_text(value: float | None) -> str:
@@ -82,7 +97,7 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
     lines.append(("method", f"{doc['method']} ({doc['method_reason']})"))
     if doc["bundle"] is not None:
         lines.append(("bundle", doc["bundle"]))
-    parts = [f"{part_name(part)} {number_text(value)}" for part, value in doc["sigma_parts_deg"].items()]
+    parts = [f"{part_name(part)} {angle_text(value)}" for part, value in doc["sigma_parts_deg"].items()]
     lines.append(("parts of sigma", f"{', '.join(parts)} deg" if parts else "unknown"))
     lines.append(("roll, pitch", f"{number_text(doc['roll_deg'])}, {number_text(doc['pitch_deg'])} deg"))
     mean = ", ".join(number_text(value) for value in doc["rate_mean_deg_h"])

@@ -160,18 +160,20 @@ def _disturbed(gyro: Array, accel: Array, rotation: Array, rate_hz: float) -> Tr
     """Truth of a body turned by `rotation` (runs, 2 samples + 1, 3), at sample edges and middles.
 
     The undisturbed rate and specific force are turned into the body (Simpson's rule over each
-    interval). The rate of the small rotation itself is the right Jacobian of the rotation vector
-    times its change, over each half interval (J. Sola et al., "A micro Lie theory for state
-    estimation in robotics", 2018, eq. 143).
+    interval). The rate of the small rotation theta itself is its right Jacobian times its rate
+    (J. Sola et al., "A micro Lie theory for state estimation in robotics", 2018, eq. 143):
+    theta' - (1 - cos |theta|) / |theta|^2 theta x theta' + ... With the parabola through start,
+    middle and end, the integral of theta x theta' is (middle - (start - 2 middle + end) / 6) x
+    (end - start): coning within an interval is kept.
     """
-    change, middle = np.diff(rotation, axis=1), (rotation[:, 1:] + rotation[:, :-1]) / 2
-    squared = np.sum(middle**2, axis=-1, keepdims=True)
+    start, middle, end = rotation[:, :-2:2], rotation[:, 1::2], rotation[:, 2::2]
+    change, lever = end - start, middle - (start - 2 * middle + end) / 6
+    squared = np.sum(lever**2, axis=-1, keepdims=True)
     size = np.sqrt(squared)
     third = np.where(size < 1e-2, 1 / 6 - squared / 120, (1 - np.sinc(size / np.pi)) / np.maximum(squared, 1e-4))
-    across = np.cross(middle, change)
-    own = change - np.sinc(size / (2 * np.pi)) ** 2 / 2 * across + third * np.cross(middle, across)
-    own_rate = (own[:, 0::2] + own[:, 1::2]) * rate_hz
-    return Truth(_mean_in_body(rotation, gyro) + own_rate, _mean_in_body(rotation, accel))
+    across = np.cross(lever, change)
+    own = change - np.sinc(size / (2 * np.pi)) ** 2 / 2 * across + third * np.cross(lever, across)
+    return Truth(_mean_in_body(rotation, gyro) + own * rate_hz, _mean_in_body(rotation, accel))
 
 
 def _mean_in_body(rotation: Array, vector: Array) -> Array:

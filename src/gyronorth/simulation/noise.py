@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,7 @@ def _fill(out: Array, law: Law, rate_hz: float, *, constant: Array, rng: np.rand
     runs, samples, _ = out.shape
     stride, knots = _slow_part(law, (runs, samples), rate_hz, rng=rng)
     knots += constant[:, None]
-    weights = _interval_weights(stride)
+    weights = _line_weights((np.arange(stride) + 0.5) / stride)  # the mean of a line is its middle
     fast = [
         _IntervalMeans(variance, rate_hz * tau, runs, rng=rng)
         for variance, tau in law.processes
@@ -104,7 +104,7 @@ def _fill(out: Array, law: Law, rate_hz: float, *, constant: Array, rng: np.rand
             block *= law.white * np.sqrt(rate_hz)
         else:
             block[:] = 0.0
-        _add_interpolated(block, knots[:, start // stride :], weights, stride)
+        _add_lines(block, knots[:, start // stride :], weights)
         for process in fast:
             block += process.draw(stop - start, rng=rng)
 
@@ -121,7 +121,7 @@ def _spans(runs: int, samples: int, stride: int) -> Iterator[tuple[int, int]]:
 def _stride(samples_per_time_constant: float) -> int:
     """Samples between knots, a power of two; 0 if the process is too fast to be interpolated."""
     longest = samples_per_time_constant / KNOTS_PER_TIME_CONSTANT
-    return 0 if longest < 1 else min(2 ** int(np.log2(longest)), _LONGEST_STRIDE)
+    return 0 if longest < 1 else 2 ** int(np.log2(min(longest, _LONGEST_STRIDE)))
 
 
 def _slow_part(law: Law, shape: tuple[int, int], rate_hz: float, *, rng: np.random.Generator) -> tuple[int, Array]:
@@ -137,8 +137,8 @@ def _slow_part(law: Law, shape: tuple[int, int], rate_hz: float, *, rng: np.rand
         if stride > 0:
             add(stride, _markov(variance, stride / (rate_hz * tau), (runs, _knots(samples, stride), 3), rng=rng))
     if law.random_walk > 0:
-        longest = 4 * BRIDGE_SHARE * (law.white * rate_hz / law.random_walk) ** 2
-        stride = max(1, _stride(KNOTS_PER_TIME_CONSTANT * longest))
+        root = min(2 * np.sqrt(BRIDGE_SHARE) * law.white * rate_hz / law.random_walk, _LONGEST_STRIDE)
+        stride = max(1, _stride(KNOTS_PER_TIME_CONSTANT * root**2))
         steps = rng.standard_normal((runs, _knots(samples, stride), 3))
         steps *= law.random_walk * np.sqrt(stride / rate_hz)
         steps[:, 0] = 0.0
@@ -147,10 +147,11 @@ def _slow_part(law: Law, shape: tuple[int, int], rate_hz: float, *, rng: np.rand
         add(_LONGEST_STRIDE, np.zeros((runs, _knots(samples, _LONGEST_STRIDE), 3)))
 
     strides = sorted(levels, reverse=True)
-    total = levels[strides[0]]
     for coarse, fine in pairwise(strides):
-        total = levels[fine] + _refine(total, coarse // fine, levels[fine].shape[1])
-    return strides[-1], total
+        ratio, knots = coarse // fine, levels[coarse]
+        knots = np.concatenate([knots, knots[:, -1:]], axis=1)  # a step to stand on for the last fine knot
+        _add_lines(levels[fine], knots, _line_weights(np.arange(ratio) / ratio))
+    return strides[-1], levels[strides[-1]]
 
 
 def _knots(samples: int, stride: int) -> int:
@@ -163,34 +164,28 @@ def _markov(variance: float, step: float, shape: tuple[int, int, int], *, rng: n
     noise = rng.standard_normal(shape)
     noise *= np.sqrt(variance)
     noise[:, 1:] *= np.sqrt(-np.expm1(-2 * step))
-    filtered: Any = lfilter([1.0], [1.0, -keep], noise, axis=1)
-    return filtered
+    return np.ascontiguousarray(cast(Array, lfilter([1.0], [1.0, -keep], noise, axis=1)))
 
 
-def _refine(knots: Array, ratio: int, count: int) -> Array:
-    """Straight lines between `knots`, at `count` points `ratio` times as dense."""
-    position = np.arange(count)
-    left, share = position // ratio, (position % ratio / ratio)[:, None]
-    right = np.minimum(left + 1, knots.shape[1] - 1)
-    return knots[:, left] * (1 - share) + knots[:, right] * share
+def _line_weights(shares: Array) -> Array:
+    """What the two knots of a step give the points that lie `shares` (k,) of the way, shape (6, 3 k)."""
+    axis = np.arange(3)
+    weights = np.zeros((6, len(shares), 3))
+    weights[axis, :, axis], weights[axis + 3, :, axis] = 1 - shares, shares
+    return weights.reshape(6, -1)
 
 
-def _interval_weights(stride: int) -> Array:
-    """What the two knots of a step give each interval between them, shape (6, 3 stride)."""
-    right = (np.arange(stride) + 0.5) / stride
-    return np.concatenate([np.kron(1 - right, np.eye(3)), np.kron(right, np.eye(3))])
-
-
-def _add_interpolated(block: Array, knots: Array, weights: Array, stride: int) -> None:
-    """Add the interval means of the straight lines between `knots` to `block`, (runs, samples, 3)."""
-    runs, samples, _ = block.shape
-    whole, rest = divmod(samples, stride)
+def _add_lines(points: Array, knots: Array, weights: Array) -> None:
+    """Add straight lines between `knots` to `points` (runs, n, 3), which begin at the first knot."""
+    runs, count, _ = points.shape
+    per_step = weights.shape[1] // 3
+    whole, rest = divmod(count, per_step)
     steps = whole + (rest > 0)
     pairs = np.concatenate([knots[:, :steps], knots[:, 1 : steps + 1]], axis=2)
-    lines = block[:, : whole * stride].reshape(runs, whole, 3 * stride)  # a view
+    lines = points[:, : whole * per_step].reshape(runs, whole, 3 * per_step)  # a view
     lines += pairs[:, :whole] @ weights
     if rest:
-        block[:, whole * stride :] += (pairs[:, whole] @ weights[:, : 3 * rest]).reshape(runs, rest, 3)
+        points[:, whole * per_step :] += (pairs[:, whole] @ weights[:, : 3 * rest]).reshape(runs, rest, 3)
 
 
 class _IntervalMeans:
@@ -219,6 +214,5 @@ class _IntervalMeans:
 
     def draw(self, samples: int, *, rng: np.random.Generator) -> Array:
         noise = self._sigma * rng.standard_normal((self._state.shape[0], samples, 3))
-        means: Any
         means, self._state = lfilter(self._b, self._a, noise, axis=1, zi=self._state)
-        return means
+        return cast(Array, means)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +14,7 @@ from gyronorth.cli.options import (
     Json,
     Latitude,
     Pitch,
+    RequiredSensor,
     Roll,
     check_outputs,
     degrees,
@@ -20,12 +22,16 @@ from gyronorth.cli.options import (
     print_json,
     with_reading,
 )
-from gyronorth.cli.progress import working
+from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
 
-OutputRecording = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="Recording to write.")]
+#: What `readers.write` writes.
+RECORDING_SUFFIXES = (".csv", ".npz")
+OutputRecording = Annotated[
+    Path, typer.Option("-o", "--output", metavar="FILE", help="Recording to write, .csv or .npz.")
+]
 
 
 def parse_turn(text: str) -> tuple[float, float, float]:
@@ -39,9 +45,16 @@ def parse_turn(text: str) -> tuple[float, float, float]:
     return start, duration, radians(angle_deg)
 
 
+def parse_seed(text: str) -> int:
+    """A whole number that is not negative."""
+    if not (text.isascii() and text.isdigit()):
+        raise typer.BadParameter(f"{text!r} is not a whole number of at least 0; example: 1")
+    return int(text)
+
+
 @app.command()
 def simulate(
-    sensor: Annotated[str, typer.Option(metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")],
+    sensor: RequiredSensor,
     latitude: Latitude,
     heading: Annotated[
         Any,
@@ -58,7 +71,7 @@ def simulate(
     rate: Annotated[
         Any, typer.Option(metavar="HZ", parser=number("a positive rate in Hz", "100", above=0), help="Sample rate, Hz.")
     ],
-    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same recording.")],
+    seed: Annotated[Any, typer.Option(metavar="N", parser=parse_seed, help="The same seed gives the same recording.")],
     output: OutputRecording,
     roll: Roll = None,
     pitch: Pitch = None,
@@ -78,7 +91,7 @@ def simulate(
 
     from gyronorth import readers, simulation
 
-    check_outputs({"-o": (output, ())})
+    check_outputs({"-o": (output, RECORDING_SUFFIXES)})
     motion = simulation.Motion(turns=tuple(turn or ()), disturbance=disturbance)
     with working("simulating"):
         recording = simulation.simulate(
@@ -93,4 +106,53 @@ def simulate(
             motion=motion,
             accel=not no_accel,
         )
+        readers.write(recording, output)
+
+
+@app.command()
+@with_reading
+def info(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
+    as_json: Json = False,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Show what a recording holds: format, units, axes, rate, length, truth, gaps, mean rate."""
+    from gyronorth import readers
+    from gyronorth.report.recordings import print_description
+
+    with reading_file(source):
+        description = readers.describe(source, reading)
+    if as_json:
+        print_json(description.to_json())
+    else:
+        print_description(description, sys.stdout)
+
+
+@app.command()
+@with_reading
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
+    output: OutputRecording,
+    decimate_to: Annotated[
+        Any,
+        typer.Option(
+            metavar="HZ",
+            parser=number("a positive rate in Hz", "3", above=0),
+            help="Average down to this rate, any ratio; the mean is kept exactly.",
+        ),
+    ] = None,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Rewrite a recording in SI and body axes (.csv or .npz), at a lower rate if asked."""
+    from gyronorth import readers
+    from gyronorth.conditioning import decimated
+
+    check_outputs({"-o": (output, RECORDING_SUFFIXES)}, source=source)
+    with reading_file(source):
+        recording = readers.read(source, reading)
+    if decimate_to is not None:
+        recording = decimated(recording, decimate_to)
+    with working(f"writing {output.name}"):
         readers.write(recording, output)

@@ -1,0 +1,43 @@
+"""What a file holds, as text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TextIO
+
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import EARTH_RATE
+from gyronorth.report.terminal import print_lines
+from gyronorth.report.wording import heading_text, number_text
+
+if TYPE_CHECKING:
+    from gyronorth.readers import Description
+
+
+def print_description(description: Description, stream: TextIO) -> None:
+    """Print a `Description` as `label  text` lines."""
+    doc = description.to_json()
+    axes = doc["axes"] if doc["axes_declared"] else f"{doc['axes']} (by the format's convention)"
+    units = doc["gyro_unit"] if doc["accel_unit"] is None else f"{doc['gyro_unit']}, {doc['accel_unit']}"
+    mean = ", ".join(number_text(value) for value in doc["rate_mean_deg_h"])
+    norm = number_text(doc["rate_norm_deg_h"], unit="deg/h")
+    lines = [
+        ("file", doc["source"]),
+        ("format", doc["format"]),
+        ("columns", ", ".join(doc["columns"])),
+        ("length", f"{doc['samples']} samples, {doc['duration_s']:.10g} s at {doc['rate_hz']:.10g} Hz"),
+        ("units in the file", f"{units}{', increments' if doc['increments'] else ''}"),
+        ("axes in the file", axes),
+        ("latitude", number_text(doc["latitude_deg"], decimals=4, unit="deg")),
+    ]
+    if doc["heading_true_deg"] is not None:
+        lines.append(("true heading", f"{heading_text(doc['heading_true_deg'])} deg"))
+    lines += [(name, doc[key]) for name, key in (("starts", "start_time_utc"), ("session", "session")) if doc[key]]
+    lines.append(("mean rate", f"{mean} deg/h in body axes; norm {norm}, Earth {EARTH_RATE / DEG_PER_HOUR:.2f}"))
+    if doc["force_mean_m_s2"] is None:
+        lines.append(("mean specific force", "no accelerometer"))
+    else:
+        force = ", ".join(number_text(value, decimals=4) for value in doc["force_mean_m_s2"])
+        lines.append(("mean specific force", f"{force} m/s2 in body axes (0, 0, -9.8 when level)"))
+    lines.append(("rows dropped", str(doc["rows_dropped"])))
+    lines += [("note", f"{note['code']}: {note['message']}") for note in doc["notes"]]
+    print_lines(lines, stream)

@@ -1,0 +1,264 @@
+"""The joined rooms: one recording and batches, verdicts, the JSON contract."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis.strategies import floats
+from numpy.testing import assert_allclose
+
+import gyronorth as gn
+from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error
+from gyronorth.earth import EARTH_RATE
+from gyronorth.pipeline import convergence, heading, heading_batch
+from gyronorth.recording import InputError, Note, Recording
+from gyronorth.sensor import Sensor, TriadErrors, read_sensor
+from gyronorth.simulation import Motion, simulate, simulate_batch
+
+LATITUDE = np.radians(32.11)
+IDEAL = Sensor("ideal", TriadErrors())
+
+
+def recorded(sensor="sdc500", *, seed=1, duration=100.0, **options):
+    settings_ = {"latitude": LATITUDE, "heading": 0.7, "rate_hz": 10.0, **options}
+    return simulate(sensor, duration=duration, rng=np.random.default_rng(seed), **settings_)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    heading_=floats(0, 6.28), roll=floats(-1.05, 1.05), pitch=floats(-1.05, 1.05), latitude=floats(-1.4, 1.4)
+)  # fmt: skip
+def test_noise_free_recording_returns_its_heading(heading_, roll, pitch, latitude):
+    recording = recorded(IDEAL, heading=heading_, roll=roll, pitch=pitch, latitude=latitude, rate_hz=2.0)
+    estimate = heading(recording, sensor=IDEAL)
+    assert estimate.valid
+    assert estimate.method == "mean"
+    assert abs(angle_error(estimate.heading, heading_)) < 1e-9
+    assert_allclose(estimate.implied_latitude, latitude, atol=1e-9)
+
+
+def test_json_has_the_keys_of_the_contract_in_order():
+    estimate = heading(recorded(), sensor="sdc500")
+    keys = (
+        "schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg "
+        "pitch_deg latitude_deg sensor duration_s rate_hz end_time_utc poses sigma_parts_deg gyro_bias_deg_h "
+        "rate_mean_deg_h rate_norm_deg_h implied_latitude_deg"
+    )
+    assert list(estimate.to_json()) == keys.split()
+    assert json.loads(json.dumps(estimate.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
+
+
+def test_parts_add_up_to_sigma():
+    estimate = heading(recorded(), sensor="sdc500")
+    # Root sum square to first order; the von Mises law adds 1 % at 6 deg.
+    assert_allclose(np.sqrt(sum(v**2 for v in estimate.sigma_parts.values())), estimate.sigma, rtol=0.02)
+    assert {"noise", "drift", "turn_on_bias", "levelling"} <= set(estimate.sigma_parts)
+
+
+def test_interval_crossing_north_has_low_above_high():
+    estimate = heading(recorded(heading=0.0), sensor="sdc500")
+    low, high = estimate.interval95
+    assert low > high
+    assert_allclose(angle_error(high, estimate.heading), angle_error(estimate.heading, low), atol=1e-9)
+
+
+def test_one_recording_and_a_batch_agree():
+    runs = [recorded(seed=seed, heading=seed) for seed in range(3)]
+    swaying = recorded(seed=9, motion=Motion(disturbance="sway"))
+    for sensor in ("sdc500", None):
+        for method in ("mean", "inertial", "auto"):
+            batch = heading_batch(
+                np.stack([r.gyro_b for r in [*runs, swaying]]),
+                np.stack([r.accel_b for r in [*runs, swaying]]),
+                rate_hz=10.0,
+                latitude=LATITUDE,
+                sensor=sensor,
+                method=method,
+            )
+            for index, recording in enumerate([*runs, swaying]):
+                single = heading(recording, sensor=sensor, method=method)
+                assert_allclose(batch.heading[index], single.heading, atol=1e-12)
+                assert_allclose(batch.sigma[index], single.sigma, rtol=1e-9)
+                assert_allclose([batch.low[index], batch.high[index]], single.interval95, atol=1e-9)
+                assert batch.valid[index] == single.valid
+                assert batch.method[index] == single.method
+
+
+def test_groups_of_a_batch_do_not_change_it(monkeypatch):
+    gyro, accel = simulate_batch(
+        "sdc500", runs=7, latitude=LATITUDE, heading=1.0, duration=20, rate_hz=3, rng=np.random.default_rng(3)
+    )
+    whole = heading_batch(gyro, accel, rate_hz=3, latitude=LATITUDE, sensor="sdc500", method="auto")
+    monkeypatch.setattr("gyronorth.pipeline.GROUP_SAMPLES", 130)
+    grouped = heading_batch(gyro, accel, rate_hz=3, latitude=LATITUDE, sensor="sdc500", method="auto")
+    for name, value in vars(whole).items():
+        assert np.array_equal(value, getattr(grouped, name)), name
+
+
+def test_auto_keeps_the_mean_when_quiet_and_traces_gravity_when_swaying():
+    quiet = heading(recorded(), sensor="sdc500")
+    assert (quiet.method, quiet.method_reason) == ("mean", "one pose, undisturbed")
+    calm = read_sensor("isa100c")
+    swaying = recorded(calm, motion=Motion(disturbance=_swinging), duration=200.0)
+    for sensor in (calm, None):
+        estimate = heading(swaying, sensor=sensor)
+        assert estimate.method == "inertial"
+        assert "swaying" in estimate.method_reason
+        assert estimate.sigma < heading(swaying, sensor=sensor, method="mean").sigma
+
+
+def _swinging(times, *, runs, rng):
+    """3 arcmin rms about every axis, three tones."""
+    tones = np.array([[0.05], [0.11], [0.23]]) * times
+    return np.radians(0.05) * np.sqrt(2) * np.sin(2 * np.pi * tones.T + rng.uniform(0, 6.28, 3))[None]
+
+
+def test_a_turn_is_motion_and_the_message_says_where_it_stood_still():
+    turned = recorded(motion=Motion(turns=((60.0, 5.0, np.pi / 2),)))
+    estimate = heading(turned, sensor="sdc500", method="mean")
+    reasons = {finding.code: finding for finding in estimate.reasons}
+    assert "motion" in reasons
+    assert "--window 0:59." in reasons["motion"].message
+
+
+def test_bias_far_beyond_the_profile_is_refused():
+    recording = recorded()
+    biased = replace(recording, gyro_b=recording.gyro_b + np.array([20, 0, 0]) * DEG_PER_HOUR)
+    for sensor in ("sdc500", None):
+        estimate = heading(biased, sensor=sensor)
+        assert "rate_norm" in {finding.code for finding in estimate.reasons}
+
+
+def test_known_bias_subtracted_brings_it_back():
+    recording = recorded()
+    bias = np.array([20, -5, 3]) * DEG_PER_HOUR
+    biased = replace(recording, gyro_b=recording.gyro_b + bias)
+    back = heading(biased.without_bias(bias), sensor="sdc500")
+    assert_allclose(back.heading, heading(recording, sensor="sdc500").heading, atol=1e-9)
+
+
+def test_consumer_sensor_is_refused_as_too_noisy():
+    codes = {finding.code for finding in heading(recorded("bmi088"), sensor="bmi088").reasons}
+    assert "too_noisy" in codes
+
+
+def test_noisy_gyro_without_bias_is_only_too_short():
+    noisy = Sensor("noisy", TriadErrors(white=3.0 * DEG_PER_SQRT_HOUR))
+    estimate = heading(recorded(noisy, seed=2), sensor=noisy)
+    finding = next(finding for finding in estimate.reasons if finding.code == "too_short")
+    # 3 deg/sqrt(h) over 100 s is 18 deg/h against 12.7: variance 324 where 68.8 would do.
+    assert_allclose(finding.limit, 100 * 324 / 68.8, rtol=0.4)
+
+
+def test_pole():
+    codes = {f.code for f in heading(recorded(latitude=np.radians(89.9)), sensor="sdc500").reasons}
+    assert "near_pole" in codes
+    assert heading(recorded(latitude=np.pi / 2), sensor="sdc500").reasons
+
+
+def test_saturated_gyro_is_refused():
+    sensor = replace(IDEAL, gyro=TriadErrors(saturation=1.0))
+    recording = recorded(IDEAL)
+    clipped = recording.gyro_b.copy()
+    clipped[50, 0] = 1.0
+    reasons = heading(replace(recording, gyro_b=clipped), sensor=sensor).reasons
+    assert "saturated" in {finding.code for finding in reasons}
+
+
+def test_gyro_only_is_taken_as_level_and_says_what_a_tilt_costs():
+    estimate = heading(recorded(accel=False), sensor="sdc500")
+    warning = next(w for w in estimate.warnings if w.code == "assumed_level")
+    assert "0.63 deg" in warning.message  # tan(32.11 deg)
+    assert (estimate.roll, estimate.pitch) == (0.0, 0.0)
+
+
+def test_given_attitude_replaces_levelling():
+    tilted = recorded(IDEAL, roll=0.3, pitch=-0.2, accel=False)
+    estimate = heading(tilted, sensor=IDEAL, attitude=(0.3, -0.2))
+    assert_allclose(estimate.heading, 0.7, atol=1e-9)
+    assert "assumed_level" not in {w.code for w in estimate.warnings}
+
+
+def test_warnings_without_a_profile_and_from_the_reader():
+    recording = replace(recorded(), notes=(Note("axes_suspect", "z looks up", 9.8, 0.0),))
+    warnings = {w.code: w for w in heading(recording).warnings}
+    assert {"bias_unknown", "axes_suspect"} <= set(warnings)
+    assert warnings["axes_suspect"].value == 9.8
+
+
+def test_noise_beyond_the_profile_widens_sigma():
+    quiet = read_sensor("hg9900")
+    loud = replace(quiet, gyro=replace(quiet.gyro, white=50 * quiet.gyro.white))
+    gyro, accel = simulate_batch(
+        loud, runs=200, latitude=LATITUDE, heading=0.7, duration=100, rate_hz=10, rng=np.random.default_rng(1)
+    )
+    for force in (accel, None):
+        batch = heading_batch(gyro, force, rate_hz=10, latitude=LATITUDE, sensor=quiet)
+        error = angle_error(batch.heading, 0.7)
+        # By the profile the ratio would be 50.
+        assert 0.7 < np.sqrt(np.mean(error**2) / np.mean(batch.sigma**2)) < 1.4
+
+
+def test_latitude_is_needed_bounded_and_unambiguous():
+    recording = replace(recorded(), latitude=None)
+    with pytest.raises(InputError, match="--latitude"):
+        heading(recording)
+    with pytest.raises(InputError, match=r"\[-90, 90\]"):
+        heading(recording, latitude=2.0)
+    with pytest.raises(InputError, match=r"0\.1 deg"):
+        heading(recorded(), latitude=LATITUDE + np.radians(0.11))
+    heading(recorded(), latitude=LATITUDE + np.radians(0.09))
+
+
+def test_unknown_method_and_missing_accelerometer_are_refused():
+    with pytest.raises(InputError, match="auto, mean, inertial"):
+        heading(recorded(), method="magic")
+    with pytest.raises(InputError, match="--method mean"):
+        heading(recorded(accel=False), method="inertial")
+
+
+def test_short_recordings():
+    for samples in (1, 2, 3, 7, 15):
+        tiny = Recording(np.full((samples, 3), 1e-5), np.tile([0, 0, -9.8], (samples, 1)), 10.0, latitude=0.5)
+        for sensor in ("sdc500", None):
+            for method in ("mean", "inertial", "auto"):
+                estimate = heading(tiny, sensor=sensor, method=method)
+                assert "too_short" in {finding.code for finding in estimate.reasons}
+                json.dumps(estimate.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-300, 1e30])
+def test_absurd_constant_rates_end_in_a_verdict(value):
+    recording = Recording(np.full((300, 3), value), np.tile([0.0, 0, -9.8], (300, 1)), 3.0, latitude=0.5)
+    for method in ("mean", "inertial", "auto"):
+        estimate = heading(recording, method=method)
+        assert not estimate.valid
+        json.dumps(estimate.to_json(), allow_nan=False)
+
+
+def test_end_time_is_that_of_the_last_sample():
+    recording = replace(recorded(), start_time_utc="2024-05-01T12:00:00Z")
+    assert heading(recording, sensor="sdc500").end_time_utc == "2024-05-01T12:01:40Z"
+
+
+def test_convergence_ends_at_the_heading_and_narrows():
+    recording = recorded(duration=300.0)
+    curve = convergence(recording, sensor="sdc500", points=20)
+    final = heading(recording, sensor="sdc500")
+    assert_allclose(curve.time[-1], 300.0)
+    assert abs(angle_error(curve.heading[-1], final.heading)) < 1e-9
+    assert curve.half_width[-1] < curve.half_width[0]
+
+
+def test_public_names():
+    assert gn.heading is heading
+    assert set(gn.__all__) == set(gn._HOMES) <= set(dir(gn))
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = gn.nothing  # type: ignore[attr-defined]
+
+
+def test_earth_rate_in_the_json_is_in_deg_per_hour():
+    estimate = heading(recorded(IDEAL), sensor=IDEAL)
+    assert_allclose(estimate.to_json()["rate_norm_deg_h"], EARTH_RATE / DEG_PER_HOUR)
