@@ -6,7 +6,13 @@ refused or could not be computed, with the reasons.
 
 from __future__ import annotations
 
-from gyronorth.cli import heading_command, recording_commands, sensor_commands  # noqa: F401  # they join the application
+from gyronorth.cli import (  # noqa: F401  # they join the application
+    calibrate_command,
+    heading_command,
+    recording_commands,
+    sensor_commands,
+    train_command,
+)
 from gyronorth.cli.app import app
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +22,7 @@ from gyronorth.cli.options import (
     Plot,
     Roll,
     SensorName,
+    angles,
     check_outputs,
     print_json,
     triple,
@@ -31,6 +32,7 @@ from gyronorth.cli.progress import files_done, reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
+    from gyronorth.deviation import DeviationModel
     from gyronorth.estimate import HeadingEstimate
     from gyronorth.readers import ReadOptions
     from gyronorth.recording import Recording
@@ -53,6 +55,9 @@ class Request:
     method: str
     gyro_bias: tuple[float, float, float] | None  # rad/s, body axes
     attitude: tuple[float, float] | None  # roll, pitch, rad
+    model: Path | None = None  # bundle
+    turn_angles: tuple[float, ...] | None = None  # rad
+    deviation: DeviationModel | None = None
 
     def read(self, path: Path) -> Recording:
         """The recording, less its known bias."""
@@ -66,7 +71,14 @@ class Request:
         from gyronorth import pipeline
 
         return pipeline.heading(
-            recording, latitude=self.reading.latitude, sensor=self.sensor, method=self.method, attitude=self.attitude
+            recording,
+            latitude=self.reading.latitude,
+            sensor=self.sensor,
+            method=self.method,
+            model=self.model,
+            attitude=self.attitude,
+            turn_angles=self.turn_angles,
+            deviation=self.deviation,
         )
 
 
@@ -98,6 +110,30 @@ def heading(
     ] = None,
     roll: Roll = None,
     pitch: Pitch = None,
+    model: Annotated[
+        Path | None, typer.Option(metavar="BUNDLE", help="Trained bundle for --method paper or baseline.")
+    ] = None,
+    turn_angles: Annotated[
+        Any,
+        typer.Option(
+            metavar="A,B,..",
+            parser=angles,
+            help="Angles of the turns between poses, degrees, positive clockwise; else the gyro measures them.",
+            rich_help_panel=SITE,
+        ),
+    ] = None,
+    deviation: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PROFILE",
+            help="Deviation curve from `gyronorth calibrate`; applied in the session it was measured in.",
+            rich_help_panel=SITE,
+        ),
+    ] = None,
+    any_session: Annotated[
+        bool,
+        typer.Option("--any-session", help="Apply the deviation curve in any session.", rich_help_panel=SITE),
+    ] = False,
     *,
     reading: ReadOptions,
 ) -> int:
@@ -119,7 +155,10 @@ def heading(
         if single:
             raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
     attitude = None if roll is None else (roll, pitch)
-    request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude)
+    curve = _deviation_model(deviation, any_session=any_session)
+    if curve is not None and method is Method.auto:
+        method = Method.mean  # what a deviation curve corrects
+    request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude, model, turn_angles, curve)
     if source.is_dir():
         return _folder(source, request, as_json=as_json, csv=csv)
     return _file(source, request, as_json=as_json, nmea=nmea, csv=csv, plot=plot, report=report)
@@ -163,7 +202,11 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
     if estimate is None:
         return
     convergence = pipeline.convergence(
-        recording, sensor=request.sensor, method=estimate.method, attitude=request.attitude
+        recording,
+        latitude=estimate.latitude,
+        sensor=request.sensor,
+        method=_along_time(estimate),
+        attitude=request.attitude,
     )
     deviation = _deviation(recording)
     if plot is not None:
@@ -176,6 +219,11 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
         page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, recording, request))
         with written_beside(report) as part:
             part.write_text(page, encoding="utf-8", errors="backslashreplace")  # a file name may be no UTF-8
+
+
+def _along_time(estimate: HeadingEstimate) -> str:
+    """The method whose convergence is drawn: one that takes records of any length."""
+    return estimate.method if estimate.method in ("inertial", "turned") else "mean"
 
 
 def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) -> int:
@@ -213,6 +261,15 @@ def _sensor(name_or_file: str | None) -> Sensor | None:
     from gyronorth.sensor import read_sensor
 
     return read_sensor(name_or_file)
+
+
+def _deviation_model(path: Path | None, *, any_session: bool) -> DeviationModel | None:
+    if path is None:
+        return None
+    from gyronorth.deviation import read_deviation
+
+    curve = read_deviation(path)
+    return replace(curve, session=None) if any_session else curve
 
 
 def _deviation(recording: Recording) -> AllanDeviation | None:

@@ -29,6 +29,10 @@ class Method(StrEnum):
     auto = "auto"
     mean = "mean"
     inertial = "inertial"
+    turned = "turned"
+    bayes = "bayes"
+    paper = "paper"
+    baseline = "baseline"
 
 
 def number(
@@ -67,6 +71,17 @@ def triple(what: str, example: str, *, scale: float) -> Callable[[str], tuple[fl
         return first, second, third
 
     return parse
+
+
+def angles(text: str) -> tuple[float, ...]:
+    """A,B,.. in degrees as radians."""
+    try:
+        values = tuple(radians(float(part)) for part in text.split(","))
+    except ValueError:
+        values = (inf,)
+    if not all(map(isfinite, values)):
+        raise typer.BadParameter(f"{text!r} is not a list of angles in degrees; example: 180,-180")
+    return values
 
 
 def window(text: str) -> tuple[float, float]:

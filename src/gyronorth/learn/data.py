@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.diffusion import white_noise
+from gyronorth.conditioning import decimated
 from gyronorth.earth import earth_rate_n
+from gyronorth.learn.settings import Settings
 from gyronorth.levelling import level, mat_bn, mat_lb
+from gyronorth.readers import ReadOptions, read, recordings_in
 from gyronorth.recording import InputError
 
 Array = NDArray[np.float64]
@@ -144,25 +147,23 @@ def noise_deg_s(data: HeadingSet) -> float:
     return float(np.degrees(np.median(white_noise(data.gyro_l))))
 
 
-def read_folder(folder: str | Path, *, rate_hz: float, samples: int, windows: int = 1, **options: object) -> HeadingSet:
+def read_folder(
+    folder: str | Path, *, rate_hz: float, samples: int, windows: int = 1, reading: ReadOptions | None = None
+) -> HeadingSet:
     """The first `windows` windows of every recording in a folder, levelled and decimated.
 
-    `options` go to `gyronorth.readers.read`. A recording without accelerometer is taken as level.
+    `reading` declares how the files are read. A recording without accelerometer is taken as level.
 
     Raises
     ------
     InputError
         If a file has no reference heading or is shorter than one window, or there is no file.
     """
-    from gyronorth.conditioning import decimated
-    from gyronorth.readers import ReadOptions, read
-
     rows: list[Array] = []
     heading: list[float] = []
     ids: list[int] = []
-    paths = sorted(path for path in Path(folder).iterdir() if path.is_file() and not path.name.startswith("."))
-    for number, path in enumerate(paths):
-        recording = read(path, ReadOptions(**options))  # type: ignore[arg-type]
+    for number, path in enumerate(recordings_in(Path(folder))):
+        recording = read(path, reading or ReadOptions())
         truth = recording.heading_true
         if truth is None:
             raise InputError(
@@ -181,3 +182,12 @@ def read_folder(folder: str | Path, *, rate_hz: float, samples: int, windows: in
     if not rows:
         raise InputError(f"{folder} holds no recordings to train on.")
     return HeadingSet(np.array(rows), np.array(heading), np.array(ids))
+
+
+def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | None = None) -> TrainingData:
+    """A user's recordings, split 24/4/6 by recording, with what is known of where they come from."""
+    data = read_folder(folder, rate_hz=settings.rate_hz, samples=settings.samples, reading=reading)
+    rng = np.random.default_rng([settings.seed, len(data.heading)])
+    train, validation, test = split_recordings(data, (24, 4, 6), rng=rng)
+    latitude = None if reading is None else reading.latitude
+    return TrainingData(train, validation, test=test, source=f"own recordings: {Path(folder).name}", latitude=latitude)

@@ -1,0 +1,110 @@
+"""A compass swing: recordings at known headings to a cross-validated deviation curve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.alignment.closed_form import align_mean
+from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.deviation import FEWEST, DeviationModel, fit_deviation, rate_surplus
+from gyronorth.recording import InputError, Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A deviation curve and how well it does on recordings it has not seen."""
+
+    model: DeviationModel
+    heading_true: Array  # (n,) rad
+    error: Array  # (n,) of the closed form, rad
+    left_out: Array  # (n,) of the corrected heading, each recording left out in turn, rad
+    sigma: Array  # (n,) claimed for it, rad
+
+    @property
+    def ratio(self) -> float:
+        """Corrected over uncorrected cyclic root mean square error, leave-one-out."""
+        return float(cyclic_rmse(self.left_out) / cyclic_rmse(self.error))
+
+    def to_json(self) -> dict[str, Any]:
+        """Schema gyronorth.calibration/1, degrees."""
+        return {
+            "schema": "gyronorth.calibration/1",
+            "recordings": len(self.error),
+            "session": self.model.session,
+            "crmse_deg": float(np.degrees(cyclic_rmse(self.error))),
+            "left_out_crmse_deg": float(np.degrees(cyclic_rmse(self.left_out))),
+            "ratio": self.ratio,
+            "curve_probability": self.model.structure()["curve"],
+            "rows": [
+                {
+                    "heading_true_deg": float(np.degrees(truth)),
+                    "error_deg": float(np.degrees(error)),
+                    "left_out_error_deg": float(np.degrees(left)),
+                    "left_out_sigma_deg": float(np.degrees(sigma)),
+                }
+                for truth, error, left, sigma in zip(
+                    self.heading_true, self.error, self.left_out, self.sigma, strict=True
+                )
+            ],
+        }
+
+
+def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None) -> Calibration:
+    """Fit and cross-validate the deviation of one unit in one session.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Each at a known heading (`heading_true`), all of one session.
+    latitude : float, optional
+        rad; else each recording's own.
+
+    Raises
+    ------
+    InputError
+        If a recording has no true heading or latitude, sessions differ, or there are too few.
+    """
+    if len(recordings) < FEWEST + 1:
+        raise InputError(
+            f"{len(recordings)} recordings came in; a deviation curve that can be cross-validated needs at least "
+            f"{FEWEST + 1}. Record more headings."
+        )
+    sessions = {recording.session for recording in recordings}
+    if len(sessions) > 1:
+        raise InputError(
+            f"The recordings are of {len(sessions)} sessions ({', '.join(sorted(map(str, sessions)))}); a deviation "
+            "curve holds within one power-up session. Calibrate each on its own."
+        )
+    observed = [_observe(recording, latitude) for recording in recordings]
+    heading, surplus, truth = (np.array(column) for column in zip(*observed, strict=True))
+    session = sessions.pop()
+    duration = float(np.median([recording.duration for recording in recordings]))
+    left_out, sigma = np.zeros(len(heading)), np.zeros(len(heading))
+    for index in range(len(heading)):
+        others = np.arange(len(heading)) != index
+        model = fit_deviation(heading[others], surplus[others], truth[others])
+        corrected, spread = model.correct(heading[index], surplus[index])
+        left_out[index], sigma[index] = angle_error(corrected[0], truth[index]), spread[0]
+    model = fit_deviation(heading, surplus, truth, session=session, duration=duration)
+    return Calibration(model, truth, angle_error(heading, truth), left_out, sigma)
+
+
+def _observe(recording: Recording, latitude: float | None) -> tuple[float, float, float]:
+    """Heading of the closed form, surplus of its rate, true heading."""
+    known = recording.latitude if latitude is None else latitude
+    if recording.heading_true is None:
+        raise InputError(
+            f"{recording.source or 'A recording'} has no true heading, which calibration needs. "
+            "Give it as `# heading_true_deg: ...` or in the name of a file of the published layout."
+        )
+    if known is None:
+        raise InputError(f"{recording.source or 'A recording'} does not say its latitude. Pass --latitude DEG.")
+    found = align_mean(recording.gyro_b, recording.accel_b)
+    return float(found.heading), float(rate_surplus(found.rate_l, known)), recording.heading_true

@@ -1,0 +1,47 @@
+"""gyronorth calibrate: a deviation curve from recordings at known headings (a compass swing)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gyronorth.cli.app import app
+from gyronorth.cli.options import Json, check_outputs, print_json, with_reading
+from gyronorth.cli.progress import files_done, working
+
+if TYPE_CHECKING:
+    from gyronorth.readers import ReadOptions
+
+
+@app.command()
+@with_reading
+def calibrate(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Recordings of one session at known headings.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PROFILE", help="Deviation curve to write (JSON).")],
+    as_json: Json = False,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Fit a deviation curve to recordings at known headings, and cross-validate it.
+
+    The curve holds for the unit and the power-up session it was measured in; `heading --deviation`
+    applies it there.
+    """
+    from gyronorth import calibration, readers
+    from gyronorth.recording import InputError
+    from gyronorth.report.calibrations import print_calibration
+
+    check_outputs({"-o": (output, (".json",))})
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; give one with recordings at known headings.")
+    recordings = [readers.read(path, reading) for path in files_done(readers.recordings_in(folder))]
+    with working("fitting the deviation curve"):
+        found = calibration.calibrate(recordings, latitude=reading.latitude)
+    found.model.write(output)
+    if as_json:
+        print_json(found.to_json())
+    else:
+        print_calibration(found, sys.stdout)

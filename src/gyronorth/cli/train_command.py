@@ -1,0 +1,57 @@
+"""gyronorth train: the denoiser on synthetic data, the heading network on recordings, to a bundle."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gyronorth.cli.app import app
+from gyronorth.cli.options import with_reading
+
+if TYPE_CHECKING:
+    from gyronorth.readers import ReadOptions
+
+
+class Stage(StrEnum):
+    """What is trained."""
+
+    denoiser = "denoiser"
+    regressor = "regressor"
+    all = "all"
+
+
+@app.command()
+@with_reading
+def train(
+    stage: Annotated[Stage, typer.Argument(help="denoiser: on synthetic data; regressor: on recordings; all: both.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="BUNDLE", help="Folder of the bundle to write.")],
+    data: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Recordings at known headings (regressor and all).")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Settings, one YAML file; those of the paper without it.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted training, bit for bit.")] = False,
+    *,
+    reading: ReadOptions,
+) -> None:
+    """Train the paper's two stages on your own recordings and export a bundle for `heading --model`."""
+    from gyronorth.recording import InputError
+
+    try:
+        import torch  # noqa: F401
+    except ImportError:
+        raise InputError("Training needs PyTorch, which is not installed: pip install 'gyronorth[train]'.") from None
+    from gyronorth.learn.data import own_data
+    from gyronorth.learn.run import run_training
+    from gyronorth.learn.settings import paper, read_settings
+
+    settings = paper() if config is None else read_settings(config)
+    own = None if data is None else own_data(data, settings=settings, reading=reading)
+    bundle = run_training(settings, stage.value, own, output, resume, True)
+    typer.echo(f"{output}: {bundle.method}, {bundle.layout}")
+    for name, value in bundle.metrics.items():
+        typer.echo(f"{name:<36}{'' if value is None else f'{value:.4g}'}")
