@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,10 +42,8 @@ def train(
     """Train the paper's two stages on your own recordings and export a bundle for `heading --model`."""
     from gyronorth.recording import InputError
 
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        raise InputError("Training needs PyTorch, which is not installed: pip install 'gyronorth[train]'.") from None
+    if find_spec("torch") is None:
+        raise InputError("Training needs PyTorch, which is not installed: pip install 'gyronorth[train]'.")
     from gyronorth.learn.data import own_data
     from gyronorth.learn.run import run_training
     from gyronorth.learn.settings import paper, read_settings
