@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gyronorth.alignment.turned_plan import turned_sigma
 from gyronorth.recording import InputError
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.uncertainty import heading_sigma_parts, von_mises
@@ -21,6 +22,8 @@ Method = Literal["mean", "inertial"]
 SHORTEST, LONGEST = 1.0, 86400.0
 #: Waiting is useless once sigma is this near its least value.
 NEAR_ENOUGH = 1.05
+#: Most turns that a plan goes through.
+MOST_TURNS = 20
 #: Latitudes of the table, deg.
 LATITUDES_DEG = np.arange(0.0, 81.0, 10.0)
 
@@ -138,6 +141,83 @@ def plan(
         latitudes=latitudes,
         sigma_by_latitude=von_mises(1 / _square(by_latitude))[0],
     )
+
+
+@dataclass(frozen=True)
+class TurnPlan:
+    """Expected heading sigma of poses and turns that share one time of standing still."""
+
+    sensor: Sensor
+    latitude: float  # rad
+    still_duration: float  # s, shared evenly by the poses
+    turn_duration: float  # s, of each turn
+    turns: NDArray[np.int64]  # (k,) number of turns, from 0
+    angle: Array  # (a,) of each turn, rad
+    sigma: Array  # (k, a) rad, the Cramer-Rao bound of the sensor's noise law
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """What `gyronorth plan --turns --json` adds under "turns", one object for a number and angle."""
+        return [
+            {
+                "turns": int(number),
+                "angle_deg": float(np.degrees(angle)),
+                "still_duration_s": self.still_duration,
+                "turn_duration_s": self.turn_duration,
+                "sigma_deg": float(np.degrees(self.sigma[row, column])),
+            }
+            for row, number in enumerate(self.turns)
+            for column, angle in enumerate(self.angle)
+        ]
+
+
+def plan_turns(
+    sensor: str | os.PathLike[str] | Sensor,
+    *,
+    latitude: float,
+    turns: int,
+    still_duration: float = 100.0,
+    turn_duration: float = 10.0,
+) -> TurnPlan:
+    """How much each further turn helps: sigma after 0 to `turns` turns of 180 and of 90 deg.
+
+    Parameters
+    ----------
+    sensor, latitude
+        As in `plan`.
+    turns : int
+        Largest number of turns.
+    still_duration : float
+        Time of standing still in all, s.
+    turn_duration : float
+        Time of one turn, s.
+
+    Returns
+    -------
+    TurnPlan
+
+    Raises
+    ------
+    InputError
+        If the number of turns is not 1 to `MOST_TURNS`.
+    """
+    if not 1 <= turns <= MOST_TURNS:
+        raise InputError(f"{turns} turns were asked for; 1 to {MOST_TURNS} are expected.")
+    sensor, angles = read_sensor(sensor), np.array([np.pi, np.pi / 2])
+    numbers = np.arange(turns + 1)
+    sigma = [
+        [
+            turned_sigma(
+                sensor,
+                latitude=latitude,
+                turns=(float(angle),) * int(number),
+                still_duration=still_duration,
+                turn_duration=turn_duration,
+            )
+            for angle in angles
+        ]
+        for number in numbers
+    ]
+    return TurnPlan(sensor, float(latitude), still_duration, turn_duration, numbers, angles, np.array(sigma))
 
 
 def _square(parts: dict[str, Array]) -> Array:

@@ -100,20 +100,30 @@ def plan(
     method: Annotated[PlannedMethod, typer.Option(help="Plain averaging, or inertial-frame alignment.")] = (
         PlannedMethod.mean
     ),
+    turns: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Also: what up to N turns bring, 100 s of standing still shared by the poses."),
+    ] = None,
     as_json: Json = False,
     plot: Plot = None,
 ) -> None:
     """Expected heading sigma of a sensor against time and latitude, and how long waiting helps."""
     from gyronorth import planning
-    from gyronorth.report.plans import DURATIONS, print_plan
+    from gyronorth.report.plans import DURATIONS, print_plan, print_turns
 
     check_outputs({"--plot": (plot, PLOT_SUFFIXES)})
     planned = planning.plan(sensor, latitude=latitude, durations=DURATIONS, method=method.value)
+    turned = None
+    if turns is not None:
+        with working("planning turns"):
+            turned = planning.plan_turns(sensor, latitude=latitude, turns=turns)
     if plot is not None:
         from gyronorth.report import figures
 
         figures.write(figures.plan_figure(planned), plot)
     if as_json:
-        print_json(planned.to_json())
+        print_json(planned.to_json() | ({} if turned is None else {"turns": turned.to_json()}))
     else:
         print_plan(planned, sys.stdout)
+        if turned is not None:
+            print_turns(turned, sys.stdout)

@@ -8,7 +8,7 @@ from gyronorth.report.terminal import print_lines, print_table
 from gyronorth.report.wording import angle_text, duration_text, number_text, part_name
 
 if TYPE_CHECKING:
-    from gyronorth.planning import Plan
+    from gyronorth.planning import Plan, TurnPlan
 
 #: Durations of a plan for people, s, and those of them that the two tables show.
 DURATIONS = (10, 15, 20, 30, 45, 60, 90, 120, 180, 300, 450, 600, 900, 1200, 1800, 2700, 3600)
@@ -53,3 +53,19 @@ def print_plan(plan: Plan, stream: TextIO) -> None:
     ]
     stream.write("\nHeading sigma against latitude, north or south, deg\n")
     print_table(("latitude", *map(duration_text, BY_LATITUDE)), rows, stream)
+
+
+def print_turns(plan: TurnPlan, stream: TextIO) -> None:
+    """Print sigma against the number of turns, one column for each angle."""
+    stream.write(
+        f"\nHeading sigma with turns, deg: {plan.still_duration:g} s of standing still in all, "
+        f"{plan.turn_duration:g} s for a turn\n"
+    )
+    doc = plan.to_json()
+    angles = sorted({row["angle_deg"] for row in doc}, reverse=True)
+    by_place = {(row["turns"], row["angle_deg"]): row["sigma_deg"] for row in doc}
+    rows = [
+        (str(number), *(angle_text(by_place[number, angle]) for angle in angles))
+        for number in sorted({row["turns"] for row in doc})
+    ]
+    print_table(("turns", *(f"by {angle:g} deg" for angle in angles)), rows, stream)
