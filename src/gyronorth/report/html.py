@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
-from math import cos, radians, sin
+from math import cos, degrees, radians, sin
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ from gyronorth.report.wording import (
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
-    from gyronorth.estimate import Convergence
+    from gyronorth.estimate import Convergence, HeadingEstimate
 
 
 def heading_page(
@@ -71,11 +71,18 @@ def heading_page(
             convergence_svg=svg_text(figure, salt="convergence"),
             allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
             inputs=inputs,
+            poses=_poses(estimate),
+            turns=[degrees(turn.angle) for turn in estimate.turns],
+            quadrants=_quadrants(estimate),
             earth_rate_deg_h=EARTH_RATE / DEG_PER_HOUR,
             written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
             version=version("gyronorth"),
         )
     )
+
+
+#: Half a quadrant, rad: a pose turned by exactly 90 deg is in the middle of the second.
+QUADRANT_CENTRE = radians(45)
 
 
 def _environment() -> Environment:
@@ -104,6 +111,29 @@ def _bars(doc: dict[str, Any]) -> list[dict[str, Any]]:
     lengths = [min(row["value"] or 0, 180) for row in rows]
     longest = max(lengths) or 1
     return [row | {"percent": 100 * length / longest} for row, length in zip(rows, lengths, strict=True)]
+
+
+def _poses(estimate: HeadingEstimate) -> list[dict[str, Any]]:
+    """The poses of the page's table: times, heading, residual of the fit and its sigma in deg/h."""
+    return [
+        {
+            "start_s": pose.start,
+            "end_s": pose.end,
+            "heading_deg": degrees(pose.heading),
+            "residual_deg_h": None if pose.residual is None else pose.residual / DEG_PER_HOUR,
+            "sigma_deg_h": None if pose.residual_sigma is None else pose.residual_sigma / DEG_PER_HOUR,
+        }
+        for pose in estimate.poses
+    ]
+
+
+def _quadrants(estimate: HeadingEstimate) -> list[float]:
+    """Seconds of standing still in each quadrant from the first pose on: [0, 90), [90, 180), ... deg."""
+    seconds = [0.0] * 4
+    for pose in estimate.poses:
+        turned = degrees(pose.heading - estimate.poses[0].heading + QUADRANT_CENTRE) % 360
+        seconds[int(turned // 90) % 4] += pose.end - pose.start
+    return seconds
 
 
 def _dial(doc: dict[str, Any]) -> dict[str, Any]:
