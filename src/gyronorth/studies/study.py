@@ -28,12 +28,11 @@ class Plan:
     splits: int = 200  # random 24/4/6 splits of the methods without a network
     network_splits: int = 10  # the same for the networks, each trained anew
     seeds: int = 3  # trainings of each variant of a network on its split
-    denoiser_epochs: int = 600  # at most; both stop early on validation
-    heading_epochs: int = 200  # at most
+    epochs: int | None = None  # of any training, at most; None: as the settings say
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if name != "seed" and value < 1:
+            if name != "seed" and value is not None and value < 1:
                 raise InputError(f"{name} is {value}; a positive number is expected.")
 
 
