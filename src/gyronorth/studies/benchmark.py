@@ -67,7 +67,7 @@ def run_benchmark(
     written = []
     with executor_on(scheduler, workers=workers) as executor:
         for study in studies_of(benchmark, only):
-            command = f"gyronorth benchmark {benchmark} --study {study.name} -o FOLDER"
+            command = f"gyronorth benchmark {benchmark} --study {study.name}{plan.options()} -o FOLDER"
             results = run_units(
                 study.units(plan),
                 folder,

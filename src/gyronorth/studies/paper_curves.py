@@ -86,7 +86,7 @@ def _scale_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     own = next(
         (results[u.name]["model_based_deg"] for u in _scale_by(plan).values() if results[u.name]["finite"]), None
     )
-    note = f"All 100 s windows of the published twin. One denoiser each, trained on the synthetic set. Undenoised: {own} deg."
+    note = f"All 100 s windows of the twin. One denoiser each, trained on the synthetic set. Undenoised: {own} deg."
     text = (
         "The paper's Fig. 4 shows that a denoiser without de-normalisation by the recording's own statistics changes "
         "the scale. Here it is measured: what the chain does to mean and deviation of each channel, and to the heading."
@@ -121,8 +121,8 @@ def _t_back_report(plan: Plan, results: Mapping[str, Result]) -> Report:
         if t in SHOWN:
             histories[str(t)] = mine[0]["history"]
     text = (
-        "The paper finds its best t_back at 900 to 980 with 1.7 to 1.9 deg on validation and more than 2.5 elsewhere, "
-        "and chooses 950 after looking at test curves. Here the choice would be made on validation; test stands beside. "
+        "The paper finds its best t_back at 900 to 980 with 1.7 to 1.9 deg on validation and over 2.5 elsewhere, and "
+        "chooses 950 after looking at test curves. Here the choice would be made on validation; test stands beside. "
         f"The chain takes at most {JUMPS} evaluations of the network, the predicted noise held between them. "
         f"{plan.seeds} splits within set; the validation part has 4 recordings each."
     )

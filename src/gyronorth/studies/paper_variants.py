@@ -197,7 +197,7 @@ def _spread_report(plan: Plan, results: Mapping[str, Result]) -> Report:
         rows.append((label, *spread(mine, "validation"), *spread(mine), float(np.mean(late))))
     text = (
         f"One split, {_SPREAD_SEEDS} seeds of weights, order, noise and augmentation. The paper claims stabler "
-        "training with the denoiser: then the spread over seeds and the wobble of the validation curve should be smaller."
+        "training with the denoiser; then spread over seeds and wobble of the validation curve should be smaller."
     )
     columns = (
         "network",

@@ -35,6 +35,12 @@ class Plan:
             if name != "seed" and value is not None and value < 1:
                 raise InputError(f"{name} is {value}; a positive number is expected.")
 
+    def options(self) -> str:
+        """What differs from the defaults, as command line options."""
+        default = Plan()
+        changed = [(k, v) for k, v in vars(self).items() if v != getattr(default, k)]
+        return "".join(f" --{name.replace('_', '-')} {value}" for name, value in changed)
+
 
 @dataclass(frozen=True)
 class Study:
