@@ -28,13 +28,18 @@ class Plan:
     splits: int = 200  # random 24/4/6 splits of the methods without a network
     network_splits: int = 10  # the same for the networks, each trained anew
     seeds: int = 3  # trainings of each variant of a network on its split
-    denoiser_epochs: int = 600  # at most; both stop early on validation
-    heading_epochs: int = 200  # at most
+    epochs: int | None = None  # of any training, at most; None: as the settings say
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if name != "seed" and value < 1:
+            if name != "seed" and value is not None and value < 1:
                 raise InputError(f"{name} is {value}; a positive number is expected.")
+
+    def options(self) -> str:
+        """What differs from the defaults, as command line options."""
+        default = Plan()
+        changed = [(k, v) for k, v in vars(self).items() if v != getattr(default, k)]
+        return "".join(f" --{name.replace('_', '-')} {value}" for name, value in changed)
 
 
 @dataclass(frozen=True)
