@@ -7,6 +7,7 @@ refused or could not be computed, with the reasons.
 from __future__ import annotations
 
 from gyronorth.cli import (  # noqa: F401  # they join the application
+    benchmark_command,
     calibrate_command,
     heading_command,
     recording_commands,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
@@ -44,3 +44,24 @@ def files_done(paths: Sequence[Path]) -> Iterator[Path]:
             progress.update(task, description=path.name)
             yield path
             progress.advance(task)
+
+
+@contextmanager
+def units_done() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar per study; call it with the study's name, the units finished and their total."""
+    if not sys.stderr.isatty():
+        yield lambda study, finished, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        tasks: dict[str, TaskID] = {}
+
+        def show(study: str, finished: int, total: int) -> None:
+            if study not in tasks:
+                tasks[study] = progress.add_task(study, total=total)
+            progress.update(tasks[study], completed=finished)
+
+        yield show

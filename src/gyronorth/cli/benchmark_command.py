@@ -1,0 +1,44 @@
+"""gyronorth benchmark: the studies behind every figure that the project claims."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gyronorth.cli.app import app
+from gyronorth.cli.progress import units_done
+
+
+@app.command()
+def benchmark(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="paper, published or disturbed.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Results; what is there is kept.")],
+    study: Annotated[list[str] | None, typer.Option(metavar="STUDY", help="Only this study; repeatable.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler; local processes without it.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Local processes.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Of noise, splits and trainings.")] = None,
+    splits: Annotated[int | None, typer.Option(min=1, metavar="N", help="Random splits without networks.")] = None,
+    network_splits: Annotated[int | None, typer.Option(min=1, metavar="N", help="Random splits with networks.")] = None,
+    seeds: Annotated[int | None, typer.Option(min=1, metavar="N", help="Trainings of each variant.")] = None,
+    epochs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Most epochs of a training.")] = None,
+) -> None:
+    """Run the studies of a benchmark: one result file per unit of work, then JSON and Markdown.
+
+    An interrupted run is continued; a unit that is finished is not run again.
+    """
+    from gyronorth.studies.benchmark import run_benchmark
+    from gyronorth.studies.study import Plan
+
+    values = {"seed": seed, "splits": splits, "network_splits": network_splits, "seeds": seeds, "epochs": epochs}
+    plan = Plan(**{field.name: values[field.name] for field in fields(Plan) if values[field.name] is not None})
+    with units_done() as progress:
+        written = run_benchmark(
+            name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress
+        )
+    for path in written:
+        typer.echo(str(path))
