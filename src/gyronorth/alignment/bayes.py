@@ -120,7 +120,7 @@ def _grid(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
     duration = samples / rate_hz
     edges = np.arange(samples + 1)
     covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
     highest = min(FREQUENCIES[1], 0.4 * rate_hz)
     frequency = np.arange(FREQUENCIES[0], highest, SPACING / duration)
     prior = (1 / frequency) / np.sum(1 / frequency)
