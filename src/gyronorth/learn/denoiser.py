@@ -52,3 +52,8 @@ def predictor(network: nn.Module, *, batch: int) -> Predict:
         return torch.cat(parts).numpy()
 
     return predict
+
+
+def set_weights(network: nn.Module, weights: dict[str, NDArray[np.float32]]) -> None:
+    """Load weights kept as arrays by name, as `state_dict` names them."""
+    network.load_state_dict({name: torch.from_numpy(value) for name, value in weights.items()})

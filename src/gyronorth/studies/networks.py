@@ -148,10 +148,8 @@ def split_data(split: dict, seed: int, settings: Settings) -> TrainingData:
 
 def rebuilt(result: Result, settings: Settings) -> TrainedDenoiser:
     """The denoiser of a unit's result, with the sampler of other settings."""
-    import torch
-
     from gyronorth.alignment.diffusion import Normalisation
-    from gyronorth.learn.denoiser import Denoiser
+    from gyronorth.learn.denoiser import Denoiser, set_weights
     from gyronorth.learn.settings import Settings
     from gyronorth.learn.stages import TrainedDenoiser
     from gyronorth.learn.training import Progress
@@ -161,7 +159,7 @@ def rebuilt(result: Result, settings: Settings) -> TrainedDenoiser:
     network = Denoiser(
         layout=own.layout, samples=own.samples, layers=part.layers, hidden=part.hidden, embedding=part.embedding
     )
-    network.load_state_dict({k: torch.from_numpy(v) for k, v in _unpack(result["weights"]).items()})
+    set_weights(network, _unpack(result["weights"]))
     progress = Progress(best_epoch=result["best_epoch"], finished=True)
     return TrainedDenoiser(network, settings, Normalisation(**result["normalisation"]), progress)
 
