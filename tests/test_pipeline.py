@@ -50,6 +50,14 @@ def test_json_has_the_keys_of_the_contract_in_order():
     assert json.loads(json.dumps(estimate.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
 
 
+def test_json_names_every_part_of_sigma():
+    """A part that is not known without a profile, or in a record too short, is null and not absent."""
+    for recording in (recorded(), recorded().window(0.0, 1.0)):
+        parts = heading(recording).to_json()["sigma_parts_deg"]
+        assert list(parts)[:4] == ["noise", "drift", "turn_on_bias", "levelling"]
+        assert parts["drift"] is parts["levelling"] is None
+
+
 def test_parts_add_up_to_sigma():
     estimate = heading(recorded(), sensor="sdc500")
     # Root sum square to first order; the von Mises law adds 1 % at 6 deg.

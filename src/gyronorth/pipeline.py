@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 #: Methods that `heading` offers.
 METHODS = ("auto", "mean", "inertial")
+#: Parts of sigma that the JSON always names, null where the method or the lack of a profile leaves them unknown.
+PARTS = ("noise", "drift", "turn_on_bias", "levelling")
 #: Latitudes given and stored may differ by this, rad, before it is a mistake.
 LATITUDE_CONFLICT = np.radians(0.1)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
@@ -101,7 +103,7 @@ class HeadingEstimate:
             "poses": [
                 {"start_s": pose.start, "end_s": pose.end, "heading_deg": deg(pose.heading)} for pose in self.poses
             ],
-            "sigma_parts_deg": {name: deg(value) for name, value in self.sigma_parts.items()},
+            "sigma_parts_deg": {name: deg(value) for name, value in (dict.fromkeys(PARTS) | self.sigma_parts).items()},
             "gyro_bias_deg_h": None if self.gyro_bias is None else [b / DEG_PER_HOUR for b in self.gyro_bias],
             "rate_mean_deg_h": [rate / DEG_PER_HOUR for rate in self.rate_mean],
             "rate_norm_deg_h": self.rate_norm / DEG_PER_HOUR,
