@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import inspect
+import io
 import json
 import os
 import re
@@ -19,6 +20,7 @@ from typer.testing import CliRunner
 
 from gyronorth import readers
 from gyronorth.cli import app
+from gyronorth.cli.progress import reading_file
 from gyronorth.report import figures
 from gyronorth.sensor import read_sensor
 
@@ -155,6 +157,31 @@ class TestHeading:
         page = out.read_text()
         for text in ("5 to 55 s", "0°, 0°, 90°", "0.1, 0, 0 deg/h", "2°, -1°", str(rec)):
             assert text in page
+
+
+class Screen(io.StringIO):
+    """A terminal that remembers what was drawn."""
+
+    def isatty(self):
+        return True
+
+
+class TestProgress:
+    def test_reading_a_file_is_a_bar_with_the_time_that_remains(self, rec, monkeypatch):
+        monkeypatch.setattr(sys, "stderr", screen := Screen())
+        with reading_file(rec) as progress:
+            assert progress is not None
+            readers.read(rec, progress=progress)
+        drawn = screen.getvalue()
+        assert "reading rec.csv" in drawn
+        assert "100%" in drawn
+        assert "0:00:00" in drawn  # remaining
+
+    def test_nothing_is_drawn_where_nobody_looks(self, rec, monkeypatch):
+        monkeypatch.setattr(sys, "stderr", silent := io.StringIO())
+        with reading_file(rec) as progress:
+            assert progress is None
+        assert silent.getvalue() == ""
 
 
 class TestFolder:

@@ -50,6 +50,14 @@ def test_json_has_the_keys_of_the_contract_in_order():
     assert json.loads(json.dumps(estimate.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
 
 
+def test_json_names_every_part_of_sigma():
+    """A part that is not known without a profile, or in a record too short, is null and not absent."""
+    for recording in (recorded(), recorded().window(0.0, 1.0)):
+        parts = heading(recording).to_json()["sigma_parts_deg"]
+        assert list(parts)[:4] == ["noise", "drift", "turn_on_bias", "levelling"]
+        assert parts["drift"] is parts["levelling"] is None
+
+
 def test_parts_add_up_to_sigma():
     estimate = heading(recorded(), sensor="sdc500")
     # Root sum square to first order; the von Mises law adds 1 % at 6 deg.
@@ -308,3 +316,21 @@ def test_public_names():
 def test_earth_rate_in_the_json_is_in_deg_per_hour():
     estimate = heading(recorded(IDEAL), sensor=IDEAL)
     assert_allclose(estimate.to_json()["rate_norm_deg_h"], EARTH_RATE / DEG_PER_HOUR)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"gyro_b": np.where(np.arange(120).reshape(2, 20, 3) == 70, np.nan, 1e-5)}, r"gyro_b\[1, 3, 1\] is nan"),
+        ({"accel_b": np.full((2, 20, 3), np.inf)}, r"accel_b\[0, 0, 0\] is inf"),
+        ({"gyro_b": np.zeros((0, 20, 3))}, "at least one recording"),
+        ({"gyro_b": np.zeros((2, 0, 3))}, "at least one recording"),
+        ({"latitude": 32.11}, r"32.11 rad, 1839.77 deg; a value in \[-90, 90\]"),
+        ({"latitude": np.nan}, "The latitude is nan"),
+        ({"rate_hz": 0.0}, "The rate is 0 Hz"),
+    ],
+)
+def test_batch_that_cannot_be_worked_is_an_error(change, message):
+    values = {"gyro_b": np.zeros((2, 20, 3)), "rate_hz": 10.0, "latitude": LATITUDE} | change
+    with pytest.raises(InputError, match=message):
+        heading_batch(**values)

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from still import LATITUDE, SI, TITLES, csv_file, csv_rows, rows_of, still
 
 from gyronorth.earth import STANDARD_GRAVITY
-from gyronorth.readers import parse_columns, read
+from gyronorth.readers import describe, parse_columns, read, text
 from gyronorth.recording import Gap, InputError
 
 
@@ -28,6 +28,19 @@ def test_our_file_with_all_its_comments(tmp_path):
     assert recording.heading_true == radians(40)
     assert (recording.session, recording.start_time_utc) == ("bench 3", "2024-05-01T12:00:00Z")
     assert (recording.source, recording.rows_dropped, recording.gaps, recording.notes) == ("rec.csv", 0, (), ())
+
+
+def test_progress_is_told_the_share_of_the_file(tmp_path, monkeypatch):
+    path = csv_file(tmp_path, csv_rows(1000))
+    monkeypatch.setattr(text, "BLOCK_BYTES", path.stat().st_size // 10 + 1)
+    shares: list[float] = []
+    recording = read(path, progress=shares.append)
+    assert len(recording.gyro_b) == 1000
+    assert_allclose(shares, np.arange(1, 11) / 10, atol=1e-3)  # ten blocks of a tenth and a byte
+    assert shares[-1] == 1.0
+    shares.clear()
+    assert describe(path, progress=shares.append).samples == 1000
+    assert len(shares) == 10
 
 
 def test_rate_comes_from_the_time_column(tmp_path):

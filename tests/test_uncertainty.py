@@ -60,6 +60,30 @@ def test_gauss_markov_variance_is_the_double_integral(weighting, ratio):
     assert_allclose(gauss_markov_variance(v, tau, duration, weighting), value, rtol=1e-8)
 
 
+@pytest.mark.parametrize("weighting", list(WEIGHTS))
+def test_white_noise_and_random_walk_by_their_integrals(weighting):
+    # White noise: integral of w^2. Random walk from switch-on: a step at time s is weighted by all of w behind s.
+    duration = 7.0
+    node, step = np.polynomial.legendre.leggauss(8)  # exact for these polynomials
+    x = (node + 1) / 2
+
+    def behind(s):
+        return WEIGHTS[weighting](s + (1 - s) * x, duration) @ step / 2 * (1 - s)
+
+    white = WEIGHTS[weighting](x, duration) ** 2 @ step / 2 / duration
+    walk = np.array([behind(s) for s in x]) ** 2 @ step / 2 * duration
+    assert_allclose(rate_variance(TriadErrors(white=3.0), duration, weighting=weighting)["noise"], 9 * white)
+    assert_allclose(rate_variance(TriadErrors(random_walk=3.0), duration, weighting=weighting)["drift"], 9 * walk)
+
+
+def test_quantisation_of_the_mean_is_that_of_its_two_ends():
+    step, duration = 0.3, 7.0
+    ends = np.random.default_rng(20240501).uniform(0, 1000, (100_000, 2))
+    error = np.diff(step * np.round(ends / step) - ends, axis=1) / duration
+    claimed = mean_rate_variance(TriadErrors(quantisation=step), duration)["noise"]
+    assert_allclose(np.var(error), claimed, rtol=0.02)  # 5 sigma: a triangular law has kurtosis 2.4
+
+
 def test_mean_of_gauss_markov_is_the_issue_formula():
     v, tau, duration = 2.0, 30.0, 100.0
     expected = 2 * v * tau / duration**2 * (duration - tau * (1 - np.exp(-duration / tau)))

@@ -26,21 +26,21 @@ def gates_of(rate_l, *, sigma_deg_h, known=True, vertical_deg_h=None):
     return {gate.code: gate for gate in gates}
 
 
-@pytest.mark.parametrize(("share", "fails"), [(0.99, False), (1.01, True)])
+@pytest.mark.parametrize(("share", "fails"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True)])
 def test_rate_norm_limit_is_329_sigma_along_the_rate(share, fails):
     rate = RATE * (1 + share * 3.29 * 1.2 * DEG_PER_HOUR / EARTH_RATE)
     gate = gates_of(rate, sigma_deg_h=1.2)["rate_norm"]
     assert bool(gate.failed) is fails
     assert_allclose(gate.limit, 3.29 * 1.2)
-    assert_allclose(gate.value, share * 3.29 * 1.2, rtol=1e-9)
+    assert_allclose(gate.value, abs(share) * 3.29 * 1.2, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("share", "fails"), [(0.99, False), (1.01, True)])
+@pytest.mark.parametrize(("share", "fails"), [(0.99, False), (1.01, True), (-0.99, False), (-1.01, True)])
 def test_implied_latitude_limit_is_329_sigma_across_the_rate(share, fails):
     turned = share * 3.29 * 1.2 * DEG_PER_HOUR / EARTH_RATE
     gate = gates_of(earth_rate_n(LATITUDE + turned), sigma_deg_h=1.2)["implied_latitude"]
     assert bool(gate.failed) is fails
-    assert_allclose(gate.value, np.degrees(turned), rtol=1e-9)
+    assert_allclose(gate.value, abs(np.degrees(turned)), rtol=1e-9)
 
 
 def test_without_a_profile_the_limit_is_the_horizontal_earth_rate():

@@ -13,6 +13,9 @@ from gyronorth.validity import Finding
 
 Array = NDArray[np.float64]
 
+#: Parts of sigma that the JSON always names, null where the method or the lack of a profile leaves them unknown.
+PARTS = ("noise", "drift", "turn_on_bias", "levelling")
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -90,7 +93,7 @@ class HeadingEstimate:
             "poses": [
                 {"start_s": pose.start, "end_s": pose.end, "heading_deg": deg(pose.heading)} for pose in self.poses
             ],
-            "sigma_parts_deg": {name: deg(value) for name, value in self.sigma_parts.items()},
+            "sigma_parts_deg": {name: deg(value) for name, value in (dict.fromkeys(PARTS) | self.sigma_parts).items()},
             "gyro_bias_deg_h": None if self.gyro_bias is None else [b / DEG_PER_HOUR for b in self.gyro_bias],
             "rate_mean_deg_h": [rate / DEG_PER_HOUR for rate in self.rate_mean],
             "rate_norm_deg_h": self.rate_norm / DEG_PER_HOUR,

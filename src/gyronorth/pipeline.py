@@ -170,6 +170,12 @@ def heading_batch(
     Returns
     -------
     HeadingBatch
+
+    Raises
+    ------
+    InputError
+        If a value is not finite, there are no samples, the rate is not positive or the
+        latitude out of range, the method is unknown or needs an accelerometer.
     """
     gyro = np.asarray(gyro_b, dtype=float)
     accel = None if accel_b is None else np.asarray(accel_b, dtype=float)
@@ -178,6 +184,8 @@ def heading_batch(
             f"gyro_b has shape {gyro.shape}, accel_b {None if accel is None else accel.shape}; "
             "(recordings, samples, 3) is expected of both."
         )
+    _check_batch({"gyro_b": gyro} if accel is None else {"gyro_b": gyro, "accel_b": accel}, rate_hz)
+    _check_latitude(latitude)
     profile = None if sensor is None else read_sensor(sensor)
     group = max(1, GROUP_SAMPLES // gyro.shape[1])
     pieces = []
@@ -252,6 +260,28 @@ def _check_method(method: str, data: Data, model: str | Path | None) -> None:
         )
 
 
+def _check_latitude(latitude: float) -> None:
+    if not abs(latitude) <= np.pi / 2:
+        raise InputError(
+            f"The latitude is {latitude:g} rad, {np.degrees(latitude):g} deg; a value in [-90, 90] deg, given in rad, "
+            "is expected."
+        )
+
+
+def _check_batch(arrays: dict[str, Array], rate_hz: float) -> None:
+    if not 0 < rate_hz < np.inf:
+        raise InputError(f"The rate is {rate_hz:g} Hz; a positive number is expected.")
+    for name, array in arrays.items():
+        if array.size == 0:
+            raise InputError(f"{name} has shape {array.shape}; at least one recording with samples is expected.")
+        if not np.isfinite(array).all():
+            run, sample, axis = np.argwhere(~np.isfinite(array))[0]
+            raise InputError(
+                f"{name}[{run}, {sample}, {axis}] is {array[run, sample, axis]}; finite numbers are expected. "
+                "Leave that recording out, or repair it."
+            )
+
+
 def _latitude(given: float | None, recording: Recording) -> float:
     stored = recording.latitude
     if given is None and stored is None:
@@ -259,8 +289,8 @@ def _latitude(given: float | None, recording: Recording) -> float:
             "The latitude is not known: neither given nor in the file. Pass --latitude DEG (north positive); "
             "Earth rate cannot be read without it."
         )
-    if given is not None and not (np.isfinite(given) and abs(given) <= np.pi / 2):
-        raise InputError(f"The latitude is {np.degrees(given):g} deg; a value in [-90, 90] is expected.")
+    if given is not None:
+        _check_latitude(given)
     if given is not None and stored is not None and abs(given - stored) > LATITUDE_CONFLICT:
         raise InputError(
             f"Latitude {np.degrees(given):.4f} deg was given, but {recording.source or 'the recording'} says "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
@@ -59,11 +60,11 @@ class Request:
     turn_angles: tuple[float, ...] | None = None  # rad
     deviation: DeviationModel | None = None
 
-    def read(self, path: Path) -> Recording:
+    def read(self, path: Path, progress: Callable[[float], None] | None = None) -> Recording:
         """The recording, less its known bias."""
         from gyronorth import readers
 
-        recording = readers.read(path, self.reading)
+        recording = readers.read(path, self.reading, progress=progress)
         return recording if self.gyro_bias is None else recording.without_bias(self.gyro_bias)
 
     def heading(self, recording: Recording) -> HeadingEstimate:
@@ -170,8 +171,8 @@ def _file(
     """One recording: its heading to standard output and the files asked for."""
     from gyronorth.report.tables import Outcome, write_csv
 
-    with reading_file(path):
-        recording = request.read(path)
+    with reading_file(path) as progress:
+        recording = request.read(path, progress)
     with working("finding north"):
         estimate = request.heading(recording)
     outcome = Outcome(str(path), estimate, heading_true=recording.heading_true)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -23,10 +23,21 @@ def working(text: str) -> Iterator[None]:
         yield
 
 
-def reading_file(path: Path) -> AbstractContextManager[None]:
-    """`working` while a file is read; the size tells how long it may take."""
+@contextmanager
+def reading_file(path: Path) -> Iterator[Callable[[float], None] | None]:
+    """A bar of the share of a file that is read, with the time that remains; it is told the share."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
     size = path.stat().st_size / 1e6 if path.is_file() else 0.0
-    return working(f"reading {path.name}" + (f", {size:.0f} MB" if size >= 10 else ""))
+    text = f"reading {path.name}" + (f", {size:.0f} MB" if size >= 10 else "")
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(text, total=None)
+        yield lambda share: progress.update(task, total=1.0, completed=share)
 
 
 def files_done(paths: Sequence[Path]) -> Iterator[Path]:

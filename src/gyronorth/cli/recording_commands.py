@@ -123,8 +123,8 @@ def info(
     from gyronorth import readers
     from gyronorth.report.recordings import print_description
 
-    with reading_file(source):
-        description = readers.describe(source, reading)
+    with reading_file(source) as progress:
+        description = readers.describe(source, reading, progress=progress)
     if as_json:
         print_json(description.to_json())
     else:
@@ -152,8 +152,8 @@ def convert(
     from gyronorth.conditioning import decimated
 
     check_outputs({"-o": (output, RECORDING_SUFFIXES)}, source=source)
-    with reading_file(source):
-        recording = readers.read(source, reading)
+    with reading_file(source) as progress:
+        recording = readers.read(source, reading, progress=progress)
     if decimate_to is not None:
         recording = decimated(recording, decimate_to)
     with working(f"writing {output.name}"):

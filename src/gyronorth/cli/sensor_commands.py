@@ -74,8 +74,8 @@ def allan(
 
     check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
     base = None if sensor is None else read_sensor(sensor)
-    with reading_file(source):
-        recording = readers.read(source, reading)
+    with reading_file(source) as progress:
+        recording = readers.read(source, reading, progress=progress)
     with working("identifying error terms"):
         source_name = recording.source.encode("utf-8", "backslashreplace").decode()  # a file name may be no UTF-8
         recording = replace(recording, source=source_name)

@@ -11,7 +11,7 @@ import numpy as np
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.reading import RecordingInfo, read_chunks
+from gyronorth.readers.reading import Progress, RecordingInfo, read_chunks
 from gyronorth.recording import Gap, Note
 
 
@@ -53,9 +53,11 @@ class Description:
         }
 
 
-def describe(path: str | Path, options: ReadOptions | None = None, **declared: Any) -> Description:
+def describe(
+    path: str | Path, options: ReadOptions | None = None, *, progress: Progress | None = None, **declared: Any
+) -> Description:
     """Read a file in chunks and describe it; arguments and errors as for `read`."""
-    info, chunks = read_chunks(path, options, **declared)
+    info, chunks = read_chunks(path, options, progress=progress, **declared)
     total, samples, dropped = np.zeros(6), 0, 0
     gaps: list[Gap] = []
     notes: dict[str, Note] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ from gyronorth.readers.regularise import JITTER, Regulariser
 from gyronorth.readers.source import Source
 from gyronorth.recording import Gap, InputError, Note, Recording, clip_gaps, gap_notes, shift_utc
 
+#: Called with the share of the file that is read, as the reading goes on.
+Progress = Callable[[float], None]
 #: Samples per chunk by default: 24 bytes a triad and sample, so a few MiB.
 CHUNK_SAMPLES = 1 << 16
 
@@ -42,7 +44,9 @@ class RecordingInfo:
     notes: tuple[Note, ...] = field(default=())  # remarks on the axes, from the first chunk
 
 
-def read(path: str | Path, options: ReadOptions | None = None, **declared: Any) -> Recording:
+def read(
+    path: str | Path, options: ReadOptions | None = None, *, progress: Progress | None = None, **declared: Any
+) -> Recording:
     """Read a recording.
 
     Parameters
@@ -51,6 +55,9 @@ def read(path: str | Path, options: ReadOptions | None = None, **declared: Any) 
         A file in any known format: .csv, .imu (PSINS), .txt (MT Manager), .mat, .npz.
     options : ReadOptions, optional
         What the file does not say about itself.
+    progress : callable, optional
+        Called with the share of the file that is read, in (0, 1]; text formats only, the others
+        are unpacked in one go.
     **declared
         The fields of `ReadOptions` by name, instead of `options`: rate_hz, axes, gyro_unit,
         accel_unit, columns, ...
@@ -65,7 +72,7 @@ def read(path: str | Path, options: ReadOptions | None = None, **declared: Any) 
     InputError
         If the file is damaged, or what it holds cannot be or is not known.
     """
-    reading = _Reading(path, _options(options, declared))
+    reading = _Reading(path, _options(options, declared), progress)
     pieces = [samples for samples in reading.samples() if len(samples)]
     regulariser = reading.regulariser
     regulariser.finish()
@@ -77,13 +84,18 @@ def read(path: str | Path, options: ReadOptions | None = None, **declared: Any) 
 
 
 def read_chunks(
-    path: str | Path, options: ReadOptions | None = None, *, chunk_samples: int = CHUNK_SAMPLES, **declared: Any
+    path: str | Path,
+    options: ReadOptions | None = None,
+    *,
+    chunk_samples: int = CHUNK_SAMPLES,
+    progress: Progress | None = None,
+    **declared: Any,
 ) -> tuple[RecordingInfo, Iterator[Recording]]:
     """Read a long recording in chunks; concatenated they are what `read` returns.
 
     Parameters
     ----------
-    path, options, **declared
+    path, options, progress, **declared
         As for `read`.
     chunk_samples : int
         Samples per chunk; the last one may be shorter.
@@ -104,7 +116,7 @@ def read_chunks(
     """
     if chunk_samples < 1:
         raise InputError(f"chunk_samples is {chunk_samples}; at least 1 is expected.")
-    reading = _Reading(path, _options(options, declared))
+    reading = _Reading(path, _options(options, declared), progress)
     stream = _rechunked(reading, chunk_samples)
     first = next(stream)
     notes = reading.check(first)
@@ -131,8 +143,9 @@ def read_chunks(
 class _Reading:
     """One pass through a file."""
 
-    def __init__(self, path: str | Path, options: ReadOptions) -> None:
+    def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
         self.options = options
+        self.progress = progress
         self.source: Source = open_source(path, options)
         self.declared: Declared = resolve(self.source, options)
         self.regulariser = Regulariser(self.source, self.declared, options)
@@ -148,6 +161,8 @@ class _Reading:
         """SI samples in file axes, block after block."""
         try:
             for block in self.source.blocks():
+                if self.progress is not None and block.share > 0:
+                    self.progress(block.share)
                 yield self.regulariser.push(block)
                 if self.regulariser.done:
                     break

@@ -59,6 +59,7 @@ class Block:
     values: NDArray[np.float64]  # (m, k) numbers, columns as `Source.columns`
     rows: NDArray[np.int64]  # (m,) row numbers as the user counts them
     bad: Bad  # rows between these that do not hold the right number of numbers
+    share: float = 0.0  # of the file that is read with this block; 0 where it cannot be told
 
 
 @dataclass(frozen=True)

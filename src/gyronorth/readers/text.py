@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -90,6 +90,7 @@ class Layout:
 
 def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[Block]:
     """Blocks of the rows behind `offset` bytes and `row` lines of the file."""
+    size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(offset)
         rest = b""
@@ -108,7 +109,7 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
                 data = data.rstrip()  # blank lines at the end are no rows
             if data:
                 data = data.replace(b"\r\n", b"\n")
-                yield parse_block(data, row + 1, layout)
+                yield replace(parse_block(data, row + 1, layout), share=min(1.0, file.tell() / size))
                 row += data.count(b"\n")
             if end:
                 return

@@ -105,8 +105,9 @@ def _environment() -> Environment:
 
 def _bars(doc: dict[str, Any]) -> list[dict[str, Any]]:
     """The parts of sigma and their total, each with its length in per cent of the longest."""
-    rows = [{"name": part_name(part), "value": value} for part, value in doc["sigma_parts_deg"].items()]
-    rows.sort(key=lambda row: -(row["value"] or 0))
+    parts = doc["sigma_parts_deg"].items()
+    rows = [{"name": part_name(part), "value": value} for part, value in parts if value is not None]
+    rows.sort(key=lambda row: -row["value"])
     rows.append({"name": "together", "value": doc["sigma_deg"]})
     lengths = [min(row["value"] or 0, 180) for row in rows]
     longest = max(lengths) or 1

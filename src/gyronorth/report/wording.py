@@ -97,7 +97,8 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
     lines.append(("method", f"{doc['method']} ({doc['method_reason']})"))
     if doc["bundle"] is not None:
         lines.append(("bundle", doc["bundle"]))
-    parts = [f"{part_name(part)} {angle_text(value)}" for part, value in doc["sigma_parts_deg"].items()]
+    known = {part: value for part, value in doc["sigma_parts_deg"].items() if value is not None}
+    parts = [f"{part_name(part)} {angle_text(value)}" for part, value in known.items()]
     lines.append(("parts of sigma", f"{', '.join(parts)} deg" if parts else "unknown"))
     lines.append(("roll, pitch", f"{number_text(doc['roll_deg'])}, {number_text(doc['pitch_deg'])} deg"))
     mean = ", ".join(number_text(value) for value in doc["rate_mean_deg_h"])
