@@ -61,3 +61,18 @@ def test_gravity_agrees_with_pyins(latitude, height):
         2 * (FLATTENING + GRAVITY_RATIO) * height / SEMI_MAJOR_AXIS + 3 * (height / SEMI_MAJOR_AXIS) ** 2
     )
     assert_allclose(ours, pyins_earth.gravity(latitude, height), rtol=0, atol=left_out + 1e-6)
+
+
+def test_gravity_at_10_km_by_the_gravity_field():
+    # Above the equator: GM / r^2 (1 + 3/2 J2 (a / r)^2 - 15/8 J4 (a / r)^4) - omega^2 r, WGS 84 (TR8350.2, table 3.2).
+    def field(height):
+        r = SEMI_MAJOR_AXIS + height
+        ratio = SEMI_MAJOR_AXIS / r
+        return (
+            3.986004418e14 / r**2 * (1 + 1.5 * 1.082629821e-3 * ratio**2 + 1.875 * 2.37091e-6 * ratio**4)
+            - EARTH_RATE**2 * r
+        )
+
+    assert_allclose(
+        normal_gravity(0.0, 10e3) - normal_gravity(0.0), field(10e3) - field(0.0), atol=1e-6
+    )  # as the docstring says

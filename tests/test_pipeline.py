@@ -334,3 +334,15 @@ def test_batch_that_cannot_be_worked_is_an_error(change, message):
     values = {"gyro_b": np.zeros((2, 20, 3)), "rate_hz": 10.0, "latitude": LATITUDE} | change
     with pytest.raises(InputError, match=message):
         heading_batch(**values)
+
+
+@pytest.mark.parametrize("latitude", [LATITUDE, np.radians(-60.0)])
+def test_interval_without_a_profile_is_student_t_on_the_two_discrepancies(latitude):
+    # 2 deg/h too much northwards and 1 downwards: s^2 = (2^2 + 1^2) / 2, and t with 2 degrees of freedom is 4.3027.
+    still = recorded(Sensor("quiet", TriadErrors(white=1e-4 * DEG_PER_SQRT_HOUR)), heading=0.0, latitude=latitude)
+    estimate = heading(still.without_bias((-2 * DEG_PER_HOUR, 0.0, -1 * DEG_PER_HOUR)))
+    signal = EARTH_RATE * np.cos(latitude) / DEG_PER_HOUR
+    low, high = estimate.interval95
+    half = 4.3027 * np.sqrt(2.5) / np.sqrt((signal + 2) * signal)
+    assert_allclose((high - low) % (2 * np.pi) / 2, half, rtol=2e-3)  # noise of 6e-4 deg/h against 1 deg/h
+    assert {finding.code for finding in estimate.warnings} == {"bias_unknown"}

@@ -113,6 +113,21 @@ def test_constant_bias_costs_both_methods_the_same():
     assert_allclose(np.degrees(both), 4.50, atol=0.005)
 
 
+@pytest.mark.parametrize(
+    ("sensor", "part", "rate"),
+    [
+        (Sensor("g", TriadErrors(), g_sensitivity=1e-6), "turn_on_bias", 1e-6 * 9.795),  # g at 32 N
+        (Sensor("s", TriadErrors(scale_factor=2e-3)), "turn_on_bias", 2e-3 * EARTH_RATE),
+        (Sensor("m", TriadErrors(misalignment=3e-3)), "turn_on_bias", 3e-3 * EARTH_RATE),
+        (Sensor("a", TriadErrors(), TriadErrors(misalignment=4e-3)), "levelling", 4e-3 * EARTH_RATE * np.sin(LATITUDE)),
+    ],
+)
+def test_what_is_constant_in_one_pose_is_in_sigma(sensor, part, rate):
+    parts = heading_sigma_parts(sensor, latitude=LATITUDE, duration=100.0)
+    assert_allclose(parts.pop(part), rate / SIGNAL, rtol=1e-4)
+    assert not any(parts.values())
+
+
 def test_levelling_error_costs_tan_latitude():
     tilted = Sensor("tilted", TriadErrors(), TriadErrors(turn_on_bias=1e-3 * 9.7954))
     part = heading_sigma_parts(tilted, latitude=LATITUDE, duration=100.0)["levelling"]
