@@ -104,7 +104,7 @@ def test_outliers_do_not_bend_the_curve():
 
 
 def test_another_set_is_left_as_it_is_with_the_sigma_of_its_biases():
-    # biases of 0.1 per axis relative to the horizontal Earth rate: 200 recordings know it to 3.5 % (one sigma: 1 / sqrt(800))
+    # biases of 0.1 per axis relative to the horizontal Earth rate: 200 recordings know it to 3.5 %
     rng = np.random.default_rng(7)
     truth = rng.uniform(0, 2 * np.pi, 200)
     rate = np.array([np.cos(truth), -np.sin(truth)]) + 0.1 * rng.standard_normal((2, 200))

@@ -21,6 +21,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -152,7 +153,7 @@ def read_deviation(path: str | Path) -> DeviationModel:
         fields = json.loads(Path(path).read_text())
         if fields.pop("schema") != SCHEMA:
             raise KeyError("schema")
-        arrays = {k: np.asarray(v, float) if isinstance(v, list) else v for k, v in fields.items()}
+        arrays: dict[str, Any] = {k: np.asarray(v, float) if isinstance(v, list) else v for k, v in fields.items()}
         return DeviationModel(**arrays)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
@@ -326,7 +327,8 @@ def _evidence(
     variance, index = settings[:, :1] ** 2, np.arange(len(error))
     shape, shape_0 = (dof + 1) / 2, dof / 2
     signal = _covariance(heading, surplus, settings, np.zeros((len(settings), len(error))))
-    for _ in range(rounds):
+
+    def posterior(precision: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         noise = variance / precision
         covariance = signal.copy()
         covariance[:, index, index] += noise
@@ -334,10 +336,15 @@ def _evidence(
         weighted = inverse @ error
         # posterior mean square of error - f: squared residual plus posterior variance
         square = (noise * weighted) ** 2 + noise - noise**2 * inverse[:, index, index]
-        rate = shape_0 + square / variance / 2
-        used, precision = precision, shape / rate
-        if np.abs(precision / used - 1).max() < 1e-3:
+        return inverse, weighted, shape_0 + square / variance / 2
+
+    used = np.broadcast_to(precision, (len(settings), len(error)))
+    inverse, weighted, rate = posterior(used)
+    for _ in range(rounds - 1):
+        if np.abs(shape / rate / used - 1).max() < 1e-3:
             break
+        used = shape / rate
+        inverse, weighted, rate = posterior(used)
     divergence = (
         (shape - shape_0) * digamma(shape)
         - gammaln(shape)
@@ -347,6 +354,4 @@ def _evidence(
     )
     gaussian = -0.5 * (weighted @ error) + 0.5 * np.linalg.slogdet(inverse)[1]
     slack = 0.5 * (digamma(shape) - np.log(rate) - np.log(used)) - divergence
-    return np.broadcast_to(used, gaussian.shape + error.shape), gaussian + slack.sum(axis=1) - 0.5 * len(
-        error
-    ) * np.log(2 * np.pi)
+    return used, gaussian + slack.sum(axis=1) - 0.5 * len(error) * np.log(2 * np.pi)

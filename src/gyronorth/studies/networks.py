@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.evaluation import Split, random_splits
-from gyronorth.studies.methods import WINDOW, twin_of
+from gyronorth.studies.methods import WINDOW
+from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Plan
 from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import LATITUDE, model_based, published
+from gyronorth.twin import LATITUDE, Twin, model_based
 
 if TYPE_CHECKING:
     from gyronorth.learn.data import HeadingSet, TrainingData
@@ -50,7 +51,7 @@ WITHOUT_DENOISER: Variant = {"heading": {"denoised": False}}
 def splits_of(plan: Plan, count: int) -> list[Split]:
     """The first splits of the study of random splits: networks and other methods see the same."""
     rng = np.random.default_rng([plan.seed, 1])
-    return random_splits(len(published().heading_true), count, rng=rng)
+    return random_splits(len(plan.recordings().heading_true), count, rng=rng)
 
 
 def denoiser_unit(variant: Variant, plan: Plan, *, seed: int, split: Split | None = None) -> Unit:
@@ -60,8 +61,9 @@ def denoiser_unit(variant: Variant, plan: Plan, *, seed: int, split: Split | Non
     """
     about = {k: v for k, v in variant.items() if k not in ("heading", "sampler")}
     settings = _merged({"seed": seed, "denoiser": _capped({}, plan)}, about)
-    arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed}
-    arguments["real"] = None if split is None else _split_json(split)
+    arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed, "real": None}
+    if split is not None:
+        arguments |= {"real": _split_json(split), **plan.source()}
     return Unit(f"denoiser/{_digest(arguments)}", train_denoiser_unit, arguments)
 
 
@@ -77,12 +79,12 @@ def heading_unit(
     if settings["heading"].get("denoised", True):
         of_length = variant if duration == WINDOW else {**variant, "samples": round(3 * duration)}
         needs = (denoiser or denoiser_unit(of_length, plan, seed=plan.seed),)
-    arguments = {"settings": settings, "split": _split_json(split), "seed": plan.seed}
+    arguments = {"settings": settings, "split": _split_json(split), **plan.source()}
     named = {"arguments": arguments, "needs": [need.name for need in needs]}
     return Unit(f"network/{_digest(named)}", train_heading_unit, arguments, needs)
 
 
-def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int) -> Result:
+def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: dict | None = None) -> Result:
     """Train a denoiser; its weights, its history, and its error on the synthetic test set."""
     from gyronorth.learn.settings import Settings
     from gyronorth.learn.stages import denoiser_data, train_denoiser
@@ -90,8 +92,8 @@ def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int) -> Resu
     checked = Settings.model_validate(settings)
     clean = None
     if real is not None:
-        data = split_data(real, seed, checked)
-        clean = (data.train, data.validation)
+        parts = split_data(real, recordings_of(seed, data), checked)
+        clean = (parts.train, parts.validation)
     trained = train_denoiser(checked, clean)
     finite = bool(np.isfinite(trained.progress.best))
     result: Result = {
@@ -108,22 +110,22 @@ def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int) -> Resu
     return result
 
 
-def train_heading_unit(*needs: Result, settings: dict, split: dict, seed: int) -> Result:
+def train_heading_unit(*needs: Result, settings: dict, split: dict, seed: int, data: dict | None = None) -> Result:
     """Train a heading network on a split of the twin; headings of all parts after training."""
     from gyronorth.learn.settings import Settings
     from gyronorth.learn.stages import train_heading
 
     checked = Settings.model_validate(settings)
-    data = split_data(split, seed, checked)
+    parts = split_data(split, recordings_of(seed, data), checked)
     denoiser = rebuilt(needs[0], checked) if needs else None
-    trained = train_heading(checked, data, denoiser)
+    trained = train_heading(checked, parts, denoiser)
     result: Result = {
         "epochs": trained.progress.epoch,
         "best_epoch": trained.progress.best_epoch,
         "history": _history(trained.progress.history),
     }
     for name in PARTS:
-        part = getattr(data, name)
+        part = getattr(parts, name)
         cleaned = part.gyro_l if denoiser is None else denoiser.clean(part.gyro_l)
         result[name] = {
             "recording": part.recording.tolist(),
@@ -134,16 +136,15 @@ def train_heading_unit(*needs: Result, settings: dict, split: dict, seed: int) -
     return result
 
 
-def split_data(split: dict, seed: int, settings: Settings) -> TrainingData:
-    """The first window of each recording of the twin, in the parts of a split (IV-A: one of 100 s each)."""
+def split_data(split: dict, recordings: Twin, settings: Settings) -> TrainingData:
+    """The first window of each recording, in the parts of a split (IV-A: one of 100 s each)."""
     from gyronorth.learn.data import HeadingSet, TrainingData
 
-    twin = twin_of(seed)
-    gyro_l, heading, recording = twin.windows(settings.samples / twin.rate_hz)
+    gyro_l, heading, recording = recordings.windows(settings.samples / recordings.rate_hz)
     first = np.unique(recording, return_index=True)[1]
     whole = HeadingSet(gyro_l[first], heading[first], recording[first])
     parts = [whole.rows(split[name]) for name in PARTS]
-    return TrainingData(parts[0], parts[1], test=parts[2], source="published twin", latitude=LATITUDE)
+    return TrainingData(parts[0], parts[1], test=parts[2], latitude=LATITUDE)
 
 
 def rebuilt(result: Result, settings: Settings) -> TrainedDenoiser:

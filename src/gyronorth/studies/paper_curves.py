@@ -7,13 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from gyronorth.angles import angle_error, cyclic_rmse
-from gyronorth.studies.methods import WINDOW, twin_of
+from gyronorth.studies.methods import WINDOW
 from gyronorth.studies.network_tables import COLUMNS, DIVERGED, network_row, pooled
 from gyronorth.studies.networks import BASELINE, PAPER, Variant, denoiser_unit, heading_unit, rebuilt, splits_of
+from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Plan, Study
 from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import duration_curve, model_based, published
+from gyronorth.twin import duration_curve, model_based
 
 T_BACK = (100, 200, 300, 400, 500, 600, 700, 800, 850, 900, 920, 950, 980)
 #: Those whose training curves Fig. 7 shows.
@@ -24,12 +25,12 @@ DURATIONS = (10.0, 20.0, 30.0, 45.0, 60.0, 80.0, 100.0)
 _NORMALISATIONS = ("sequence", "sample", "channel", "dataset", "none")
 
 
-def scale_unit(denoiser: Result, *, normalisation: str, seed: int) -> Result:
+def scale_unit(denoiser: Result, *, normalisation: str, seed: int, data: dict | None = None) -> Result:
     """Denoise the twin's windows: how the denoiser changes mean and deviation of each channel, and the heading."""
     from gyronorth.learn.settings import Settings
 
     trained = rebuilt(denoiser, Settings(normalisation=normalisation, seed=seed))  # type: ignore[arg-type]
-    gyro, heading, _ = twin_of(seed).windows(WINDOW)
+    gyro, heading, _ = recordings_of(seed, data).windows(WINDOW)
     clean = trained.clean(gyro)
     if not np.isfinite(clean).all():
         return {"finite": False}
@@ -51,7 +52,7 @@ def _scale_by(plan: Plan) -> dict[str, Unit]:
     out = {}
     for kind in _NORMALISATIONS:
         variant: Variant = {} if kind == "sequence" else {"normalisation": kind}
-        arguments = {"normalisation": kind, "seed": plan.seed}
+        arguments = {"normalisation": kind, **plan.source()}
         denoiser = denoiser_unit(variant, plan, seed=plan.seed)
         out[kind] = Unit(f"scale/{kind}-{plan.epochs or 'full'}-{plan.seed}", scale_unit, arguments, (denoiser,))
     return out
@@ -86,7 +87,7 @@ def _scale_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     own = next(
         (results[u.name]["model_based_deg"] for u in _scale_by(plan).values() if results[u.name]["finite"]), None
     )
-    note = f"All 100 s windows of the twin. One denoiser each, trained on the synthetic set. Undenoised: {own} deg."
+    note = f"All 100 s windows. One denoiser each, trained on the synthetic set. Undenoised: {own} deg."
     text = (
         "The paper's Fig. 4 shows that a denoiser without de-normalisation by the recording's own statistics changes "
         "the scale. Here it is measured: what the chain does to mean and deviation of each channel, and to the heading."
@@ -150,7 +151,7 @@ def _duration_units(plan: Plan) -> list[Unit]:
 
 
 def _duration_report(plan: Plan, results: Mapping[str, Result]) -> Report:
-    twin = np.degrees(duration_curve(twin_of(plan.seed), np.array(DURATIONS)))
+    twin = np.degrees(duration_curve(plan.recordings(), np.array(DURATIONS)))
     curves: dict[str, list[float | None]] = {"duration": list(DURATIONS), "model-based, all recordings": twin.tolist()}
     found = {}
     for label, lengths in _duration_by(plan).items():
@@ -184,7 +185,7 @@ def _duration_report(plan: Plan, results: Mapping[str, Result]) -> Report:
         "The paper draws both networks as flat lines beside the model-based curve and does not say whether they were "
         "trained again for each duration: here both, the flat line being the network trained for 100 s."
     )
-    note = f"{plan.seeds} splits within set; {len(published().heading_true)} recordings in all."
+    note = f"{plan.seeds} splits within set; {len(plan.recordings().heading_true)} recordings in all."
     return Report(text, (Table("Fig. 8: CRMSE against duration", columns, rows, note),), curves)
 
 

@@ -14,7 +14,6 @@ from gyronorth.studies.published_splits import split_units
 from gyronorth.studies.study import Plan, Study
 from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import fit_noise
 
 NETWORKS = {
     "baseline network (II-B)": BASELINE,
@@ -65,7 +64,7 @@ def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
         own = label == MODEL_BASED
         crmse, ratio = one.crmse(plan.seed), None if own else one.ratio(plan.seed)
         rows.append((label, PRINTED.get(label), crmse, ratio, None if own else one.wins()))
-    bound = float(np.degrees(floor(WINDOW, fit_noise().arw)))
+    bound = float(np.degrees(floor(plan.recordings(), WINDOW)))
     rows.append(("Cramer-Rao floor with bias (bias unlearnable)", None, bound, None, None))
     note = (
         f"{plan.network_splits} random 24/4/6 splits, within set, pooled over {6 * plan.network_splits} tests of "
