@@ -14,9 +14,12 @@ from gyronorth.cli.progress import units_done
 
 @app.command()
 def benchmark(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="paper, published or disturbed.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="paper or published.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Results; what is there is kept.")],
     study: Annotated[list[str] | None, typer.Option(metavar="STUDY", help="Only this study; repeatable.")] = None,
+    data: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Public recordings of your own clone; else the shipped twin.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler; local processes without it.")
     ] = None,
@@ -27,18 +30,20 @@ def benchmark(
     seeds: Annotated[int | None, typer.Option(min=1, metavar="N", help="Trainings of each variant.")] = None,
     epochs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Most epochs of a training.")] = None,
 ) -> None:
-    """Run the studies of a benchmark: one result file per unit of work, then JSON and Markdown.
+    """Run the studies of a benchmark: one result file per unit of work, then JSON, Markdown and figures.
 
     An interrupted run is continued; a unit that is finished is not run again.
     """
+    from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark
     from gyronorth.studies.study import Plan
 
     values = {"seed": seed, "splits": splits, "network_splits": network_splits, "seeds": seeds, "epochs": epochs}
+    values["data"] = None if data is None else str(data)
     plan = Plan(**{field.name: values[field.name] for field in fields(Plan) if values[field.name] is not None})
     with units_done() as progress:
         written = run_benchmark(
             name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress
         )
-    for path in written:
+    for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))
