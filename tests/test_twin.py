@@ -103,7 +103,7 @@ def test_recording_says_that_its_noise_is_simulated(twin):
     recording = twin.recording(3)
     assert recording.session == "published"
     assert_allclose(recording.heading_true, np.radians(20))
-    assert "noise is simulated" in recording.notes[0]
+    assert "noise is simulated" in recording.notes[0].message
 
 
 def test_same_seed_same_twin_at_any_rate():

@@ -97,7 +97,7 @@ class Twin:
             heading_true=float(self.heading_true[index]),
             session=SESSION,
             source=f"published twin, recording {index}",
-            notes=("The biases of this recording are real and its noise is simulated.",),
+            notes=(Note("simulated_noise", "The biases of this recording are real and its noise is simulated."),),
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -38,7 +38,13 @@ def benchmark(
     from gyronorth.studies.benchmark import run_benchmark
     from gyronorth.studies.study import Plan
 
-    values = {"seed": seed, "splits": splits, "network_splits": network_splits, "seeds": seeds, "epochs": epochs}
+    values: dict[str, Any] = {
+        "seed": seed,
+        "splits": splits,
+        "network_splits": network_splits,
+        "seeds": seeds,
+        "epochs": epochs,
+    }
     values["data"] = None if data is None else str(data)
     plan = Plan(**{field.name: values[field.name] for field in fields(Plan) if values[field.name] is not None})
     with units_done() as progress:

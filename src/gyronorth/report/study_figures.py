@@ -92,7 +92,8 @@ def _scale(figure: Figure, study: Study) -> None:
 
 def _t_back(figure: Figure, study: Study) -> None:
     figure.set_size_inches(8.0, 6.5)
-    top, bottom = figure.subfigures(2, 1)
+    parts: Any = figure.subfigures(2, 1)
+    top, bottom = parts
     axes = top.subplots()
     sweep = study["curves"]["sweep"]
     for part, colour, style in zip(("train", "validation", "test"), _COLOURS, _STYLES, strict=False):
