@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, angle_error, cyclic_rmse, wrap_heading
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError, Recording
+from gyronorth.recording import InputError, Note, Recording
 
 Array = NDArray[np.float64]
 
