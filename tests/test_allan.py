@@ -296,7 +296,8 @@ def test_deviation_of_the_model_passes_through_the_data():
     x = series(TriadErrors(white=ARW, flicker=DEG_PER_HOUR), 3, 36_000, 10.0, seed=10)
     found, curve = identify(x, rate_hz=10.0), allan_deviation(x, rate_hz=10.0, taus=[0.1, 1.0, 10.0, 100.0])
     mean = np.sqrt(np.mean(curve.deviation**2, axis=1))
-    assert_allclose(found.deviation(curve.tau), mean, rtol=0.1)
+    # Scatter of the data at 100 s: 125 degrees of freedom on three axes, 6.3 % of a deviation; at 3.29 sigma 21 %.
+    assert np.all(np.abs(found.deviation(curve.tau) / mean - 1) < [0.1, 0.1, 0.1, 0.21])
 
 
 @pytest.mark.parametrize(
