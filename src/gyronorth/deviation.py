@@ -31,6 +31,8 @@ from gyronorth.earth import EARTH_RATE
 from gyronorth.recording import InputError
 
 SCHEMA = "gyronorth.deviation/1"
+#: Session of a model that its user applies to any recording of the unit.
+ANY_SESSION = "*"
 #: Fewest recordings a curve is fitted to: five unknowns of the classical curve and one to judge by.
 FEWEST = 6
 #: Members of the ensemble below this weight are left out of predictions.
@@ -118,6 +120,10 @@ class DeviationModel:
         sigma = np.sqrt(self.weight @ (variance + (mean - error) ** 2))
         outside = ~np.broadcast_to(np.asarray(in_set, bool), error.shape)
         return np.where(outside, 0.0, error), np.where(outside, self.sigma_elsewhere, sigma)
+
+    def covers(self, session: str | None) -> bool:
+        """Whether a recording of `session` belongs to the set fitted to; an unnamed one never does."""
+        return self.session == ANY_SESSION or (session is not None and session == self.session)
 
     def correct(
         self, heading: ArrayLike, surplus: ArrayLike, *, in_set: ArrayLike = True

@@ -103,8 +103,7 @@ def heading(
         Angles of the turns between poses, rad, clockwise from above, as an index table gives
         them; without them the gyro measures them.
     deviation : DeviationModel, optional
-        Deviation curve, applied to the closed form where recording and curve share a session,
-        or the curve has none.
+        Deviation curve, applied to the closed form where `deviation.covers(recording.session)`.
 
     Returns
     -------
@@ -368,7 +367,7 @@ def _deviated(found: _Found, data: Data, recording: Recording, model: DeviationM
         raise InputError(
             f"A deviation curve corrects the closed form, but the method is {found.method}. Use --method mean with it."
         )
-    in_set = model.session is None or model.session == recording.session
+    in_set = model.covers(recording.session)
     if in_set:
         message = (
             f"Corrected by a deviation curve of {len(model.heading)} recordings; it holds for that unit and session."

@@ -132,7 +132,7 @@ def width_gates(
     # Largest total variance whose interval still tells north from south, here and at 45 degrees.
     allowed, allowed_45 = ((level**2 / WIDEST_CONCENTRATION) for level in (signal, EARTH_RATE * np.sqrt(0.5)))
     rest = np.maximum(variance - noise_variance, 0)
-    needed = duration * noise_variance / np.maximum(allowed - rest, np.finfo(float).tiny)
+    needed = duration * noise_variance / np.maximum(allowed - rest, 1e-60)
     short = wide & (needed > duration) & (rest < allowed)
     polar = wide & ~short & (variance < allowed_45)
     half_deg = np.degrees(half_width)

@@ -267,10 +267,10 @@ def _sensor(name_or_file: str | None) -> Sensor | None:
 def _deviation_model(path: Path | None, *, any_session: bool) -> DeviationModel | None:
     if path is None:
         return None
-    from gyronorth.deviation import read_deviation
+    from gyronorth.deviation import ANY_SESSION, read_deviation
 
     curve = read_deviation(path)
-    return replace(curve, session=None) if any_session else curve
+    return replace(curve, session=ANY_SESSION) if any_session else curve
 
 
 def _deviation(recording: Recording) -> AllanDeviation | None:
