@@ -134,7 +134,7 @@ def width_gates(
     rest = np.maximum(variance - noise_variance, 0)
     needed = duration * noise_variance / np.maximum(allowed - rest, 1e-60)
     short = wide & (needed > duration) & (rest < allowed)
-    polar = wide & ~short & (variance < allowed_45)
+    polar = wide & ~short & (variance < allowed_45) & (allowed < allowed_45)
     half_deg = np.degrees(half_width)
     limit_deg = np.full_like(half_width, np.degrees(WIDEST_HALF_WIDTH))
     return [
