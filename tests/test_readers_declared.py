@@ -166,6 +166,21 @@ def test_upside_down_or_undeclared_axes_are_suspect(tmp_path):
     )
 
 
+def test_a_valid_heading_needs_axes_that_are_not_suspect(tmp_path):
+    path = unit_file(tmp_path, mat=BY_HAND["rfu"], rows=5000)
+    units = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "latitude": LATITUDE}
+    with pytest.raises(InputError, match=r"Declare them: --axes with one of these"):
+        heading(read(path, **units))
+    estimate = heading(read(path, axes="rfu", **units))
+    assert degrees(estimate.heading or 0) == pytest.approx(degrees(HEADING), abs=1)
+    # What is refused anyway stays refused, with its reasons and the warning.
+    poor = read(path, **units).without_bias([1e-3, 0, 0])
+    assert not heading(poor).valid
+    assert "axes_suspect" in [finding.code for finding in heading(poor).warnings]
+    # Declared all the same: a warning.
+    assert [finding.code for finding in heading(read(path, axes="frd", **units)).warnings].count("axes_suspect") == 1
+
+
 def test_a_sensor_on_its_side_is_told_which_axes_fit(tmp_path):
     # x down, y right, z back: gravity along x.
     (note,) = read(unit_file(tmp_path, mat=BY_HAND["drb"]), gyro_unit="rad/s", accel_unit="m/s2").notes

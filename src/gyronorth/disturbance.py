@@ -2,8 +2,8 @@
 
 Every disturbance is a rotation of the unit against the Earth or a gyro bias that settles. A
 rotation acts on both sensors: the gyro measures its rate and an Earth rate seen from the
-turned body; the accelerometer sees gravity from the turned body and the acceleration of a
-point that lies a lever arm off the centre of rotation. A bias acts on the gyro only.
+turned body; the accelerometer, about which the unit rotates, sees gravity from the turned
+body. A bias acts on the gyro only.
 Every parameter is drawn from the distribution that `DISTRIBUTIONS` states.
 
 Samples are means over the sample interval, so the sum of rate x interval is the rotation
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +40,10 @@ DISTRIBUTIONS = {
     "knock": "Poisson, mean 1 per 100 s (shock only); one period of a sine, rate amplitude per axis normal, "
     "sigma 0.1 deg/s; length uniform 0.1-0.5 s; no net rotation",
     "warm-up": "gyro bias a exp(-t / tau), a normal per axis, sigma 2 deg/h; tau uniform 15-120 s",
-    "slow tilt": "angle a (1 - exp(-t / tau)) about the two horizontal axes, a normal, sigma 0.01 deg; tau uniform 30-300 s",
-    "lever arm": "normal per axis, sigma 0.3 m, from the centre of rotation to the sensor",
-    "square": "held out: square wave of rate, amplitude per axis half-normal, sigma 0.002 deg/s; period log-uniform 5-60 s",
+    "slow tilt": "angle a (1 - exp(-t / tau)) about the two horizontal axes, a normal, sigma 0.01 deg; "
+    "tau uniform 30-300 s",
+    "square": "held out: square wave of rate, amplitude per axis half-normal, sigma 0.002 deg/s; "
+    "period log-uniform 5-60 s",
     "ramp": "held out: gyro bias growing linearly from zero, slope per axis normal, sigma 4 deg/h per 100 s",
     "beat": "held out: two tones of equal amplitude per axis, half-normal, sigma 0.002 deg/s; the first log-uniform "
     "0.008-0.3 Hz, the second 0.002-0.01 Hz above it",
@@ -57,7 +58,6 @@ class Disturbance:
     rate_hz: float
     rate_b: Array  # (..., n, 3) mean rate of the body against the Earth over each sample, rad/s
     bias_b: Array  # (..., n, 3) gyro bias that is settling, rad/s
-    lever_arm_b: Array = field(default_factory=lambda: np.zeros(3))  # (..., 3) centre of rotation to sensor, m
 
     @property
     def angle_b(self) -> Array:
@@ -72,15 +72,37 @@ class Disturbance:
     def apply(self, gyro_b: Array, accel_b: Array | None) -> tuple[Array, Array | None]:
         """Disturbed rate and specific force from undisturbed, error-free ones, shape (..., n, 3).
 
-        gyro -> R(angle)^T gyro + rate + bias; accel -> R(angle)^T accel + acceleration x lever
-        arm. The centripetal term rate^2 x arm is below 1e-8 m/s^2 and is left out.
+        gyro -> R(angle)^T gyro + rate + bias; accel -> R(angle)^T accel.
         """
         angle = self.angle_b
-        gyro = _turned_back(gyro_b, angle) + self.rate_b + self.bias_b
-        if accel_b is None:
-            return gyro, None
-        acceleration = np.gradient(self.rate_b, 1 / self.rate_hz, axis=-2) if self.rate_b.shape[-2] > 1 else 0 * angle
-        return gyro, _turned_back(accel_b, angle) + np.cross(acceleration, self.lever_arm_b[..., None, :])
+        accel = None if accel_b is None else _turned_back(accel_b, angle)
+        return _turned_back(gyro_b, angle) + self.rate_b + self.bias_b, accel
+
+
+def drawn(kind: str, times: Array, *, runs: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Rotation and settling bias of `runs` disturbances of a kind at given times.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS` or `HELD_OUT`.
+    times : ndarray, shape (k,)
+        Times from 0 to the end of the recording, s.
+    runs : int
+        Number of independent disturbances.
+    rng : numpy.random.Generator
+        Source of every drawn number.
+
+    Returns
+    -------
+    angle, bias_angle : ndarray, shape (runs, k, 3)
+        Rotation vector of the body, and integral of the gyro bias up to a constant, rad.
+    """
+    if kind not in (*KINDS, *HELD_OUT):
+        raise ValueError(f"disturbance is {kind!r}; one of {', '.join((*KINDS, *HELD_OUT))} is expected.")
+    angle, bias_angle = _KINDS[kind](_Draw(runs, times, rng))
+    shape = (runs, len(times), 3)
+    return np.broadcast_to(angle, shape), np.broadcast_to(bias_angle, shape)
 
 
 def draw_disturbance(
@@ -101,31 +123,22 @@ def draw_disturbance(
     runs : int, optional
         Draw that many at once: arrays of shape (runs, n, 3). Without it (n, 3).
     """
-    if kind not in (*KINDS, *HELD_OUT):
-        raise ValueError(f"disturbance is {kind!r}; one of {', '.join((*KINDS, *HELD_OUT))} is expected.")
-    edges = np.arange(samples + 1) / rate_hz
-    draw = _Draw(runs or 1, edges, rng)
-    angle, bias = _KINDS[kind](draw)
-    shape = (runs or 1, samples, 3)
-    rate = np.broadcast_to(np.diff(angle, axis=1) * rate_hz if np.ndim(angle) else 0.0, shape)
-    bias = np.broadcast_to(bias, shape)
-    lever_arm = rng.normal(0, 0.3, (runs or 1, 3))
-    if runs is None:
-        rate, bias, lever_arm = rate[0], bias[0], lever_arm[0]
-    return Disturbance(kind, rate_hz, rate, bias, lever_arm)
+    angle, bias_angle = drawn(kind, np.arange(samples + 1) / rate_hz, runs=runs or 1, rng=rng)
+    rate, bias = np.diff(angle, axis=1) * rate_hz, np.diff(bias_angle, axis=1) * rate_hz
+    return Disturbance(kind, rate_hz, rate, bias) if runs else Disturbance(kind, rate_hz, rate[0], bias[0])
 
 
 @dataclass(frozen=True)
 class _Draw:
-    """Draws of single disturbances: angles (runs, n + 1, 3) at the sample edges, biases (runs, n, 3)."""
+    """Draws of single disturbances: angles, or integrals of biases, (runs, k, 3) at the times."""
 
     runs: int
-    edges: Array  # (n + 1,) s
+    times: Array  # (k,) s
     rng: np.random.Generator
 
     @property
     def duration(self) -> float:
-        return float(self.edges[-1])
+        return float(self.times[-1])
 
     def log_uniform(self, low: float, high: float) -> Array:
         return np.exp(self.rng.uniform(np.log(low), np.log(high), self.runs))
@@ -134,13 +147,13 @@ class _Draw:
         """Angle of a tone of rate; amplitude (runs, 3) rad/s, frequency (runs,) Hz."""
         omega = 2 * np.pi * frequency[:, None, None]
         phase = self.rng.uniform(0, 2 * np.pi, (self.runs, 1, 3))
-        return -amplitude[:, None] / omega * np.cos(omega * self.edges[:, None] + phase)
+        return -amplitude[:, None] / omega * np.cos(omega * self.times[:, None] + phase)
 
     def half_normal(self, sigma: float) -> Array:
         return np.abs(self.rng.normal(0, sigma, (self.runs, 3)))
 
     def tones(self, present: tuple[float, ...]) -> Array:
-        total = np.zeros((self.runs, len(self.edges), 3))
+        total = np.zeros((self.runs, len(self.times), 3))
         for probability in present:
             on = self.rng.random(self.runs) < probability
             tone = self.sine(self.half_normal(0.002 * DEG), self.log_uniform(0.008, 0.3))
@@ -149,12 +162,12 @@ class _Draw:
 
     def bursts(self, sigma: float, length: tuple[float, float], at_least: int, *, knock: bool) -> Array:
         count = np.maximum(self.rng.poisson(self.duration / 100, self.runs), at_least)
-        total = np.zeros((self.runs, len(self.edges), 3))
+        total = np.zeros((self.runs, len(self.times), 3))
         for number in range(int(count.max(initial=0))):
             long = self.rng.uniform(*length, self.runs)[:, None]
             start = self.rng.uniform(0, self.duration, self.runs)[:, None]
             vector = self.rng.normal(0, sigma, (self.runs, 3)) * (number < count)[:, None]
-            inside = np.clip(self.edges - start, 0, long)
+            inside = np.clip(self.times - start, 0, long)
             if knock:  # integral of one period of a sine
                 inside = long / (2 * np.pi) * (1 - np.cos(2 * np.pi * inside / long))
             total += inside[:, :, None] * vector[:, None]
@@ -169,23 +182,21 @@ class _Draw:
     def warm_up(self) -> Array:
         amplitude = self.rng.normal(0, 2 * DEG_PER_HOUR, (self.runs, 1, 3))
         tau = self.rng.uniform(15, 120, self.runs)[:, None, None]
-        integral = -tau * np.exp(-self.edges[:, None] / tau)
-        return amplitude * np.diff(integral, axis=1) / (self.edges[1] - self.edges[0])
+        return -amplitude * tau * np.exp(-self.times[:, None] / tau)
 
     def slow_tilt(self) -> Array:
         amplitude = self.rng.normal(0, 0.01 * DEG, (self.runs, 1, 3)) * [1, 1, 0]
         tau = self.rng.uniform(30, 300, self.runs)[:, None, None]
-        return amplitude * (1 - np.exp(-self.edges[:, None] / tau))
+        return amplitude * (1 - np.exp(-self.times[:, None] / tau))
 
     def square(self) -> Array:
         amplitude = self.half_normal(0.002 * DEG)[:, None]
         period = self.log_uniform(5, 60)[:, None, None]
-        cycles = (self.edges[:, None] / period + self.rng.uniform(0, 1, (self.runs, 1, 3))) % 1
+        cycles = (self.times[:, None] / period + self.rng.uniform(0, 1, (self.runs, 1, 3))) % 1
         return amplitude * period * np.minimum(cycles, 1 - cycles)  # the integral is a triangle
 
     def ramp(self) -> Array:
-        middle = (self.edges[1:] + self.edges[:-1]) / 2
-        return self.rng.normal(0, 4 * DEG_PER_HOUR / 100, (self.runs, 1, 3)) * middle[:, None]
+        return self.rng.normal(0, 4 * DEG_PER_HOUR / 100, (self.runs, 1, 3)) * self.times[:, None] ** 2 / 2
 
     def beat(self) -> Array:
         amplitude, first = self.half_normal(0.002 * DEG), self.log_uniform(0.008, 0.3)
@@ -193,7 +204,7 @@ class _Draw:
         return self.sine(amplitude, first) + self.sine(amplitude, second)
 
 
-#: kind -> (angle at the sample edges, settling bias)
+#: kind -> (angle, integral of the settling bias)
 _KINDS: dict[str, Callable[[_Draw], tuple[Array | float, Array | float]]] = {
     "quiet": lambda draw: (0.0, 0.0),
     "sway": lambda draw: (draw.tones((1.0, 0.7)), 0.0),

@@ -164,7 +164,8 @@ def heading(
     ------
     InputError
         If the latitude is missing, out of range or contradicts the recording, the method is
-        unknown, or it needs an accelerometer that the recording does not have.
+        unknown, or it needs an accelerometer that the recording does not have; or the heading
+        would be valid but for a note of the reader that wants a declaration (`Note.blocking`).
     """
     data = Data(
         recording.gyro_b,
@@ -183,7 +184,11 @@ def heading(
     moved = disturbance(data, mean)
     chosen, solution, why = _choose(method, data, moved, solve_mean(data, mean, moved))
     reasons = [gate.finding() for gate in [*solution.gates, *saturation_gates(data)]]
-    return _estimate(recording, data, solution, chosen, why, reasons, moved)
+    estimate = _estimate(recording, data, solution, chosen, why, reasons, moved)
+    for note in recording.notes:
+        if note.blocking and estimate.valid:
+            raise InputError(note.message)
+    return estimate
 
 
 def heading_batch(
@@ -254,7 +259,7 @@ def convergence(
     counts = np.unique(np.maximum(2, np.round(times * slow.rate_hz).astype(int)))
     runs = [
         heading(
-            replace(slow.window(0.0, count / slow.rate_hz), gaps=()),
+            replace(slow.window(0.0, count / slow.rate_hz), gaps=(), notes=()),
             latitude=latitude,
             sensor=sensor,
             method=method,

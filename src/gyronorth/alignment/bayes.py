@@ -29,15 +29,18 @@ Array = NDArray[np.float64]
 
 #: Tones: lowest and highest frequency, Hz, and spacing x duration: 0.00125 Hz at 100 s.
 FREQUENCIES, SPACING = (0.008, 0.3), 0.125
+#: Cells of the grid that hold more of the posterior than this are divided by so many, at most so many cells.
+REFINED, DIVISIONS, MOST_CELLS = 1e-4, 7, 24
 #: Probability of no, one and two tones.
-TONES = (0.09, 0.42, 0.49)
+TONES = (0.3, 0.35, 0.35)
 #: Rate amplitude of a tone per axis, rad/s (root mean square of the amplitude): 0.002 deg/s.
 TONE_RATE = 7.2 * DEG_PER_HOUR
-#: Settling: time constants, s, the probability that there is any, and its size, rad/s per axis.
-TIME_CONSTANTS, SETTLING, SETTLING_RATE = (15.0, 25.0, 40.0, 60.0, 85.0, 120.0), 0.9, 2 * DEG_PER_HOUR
+#: Settling: probability, rate per axis, rad/s, and bins of its time constant, s, which is uniform over them.
+SETTLING, SETTLING_RATE = 0.5, 2 * DEG_PER_HOUR
+TIME_CONSTANT_BINS = (15.0, 20.0, 27.0, 36.0, 48.0, 64.0, 84.0, 104.0, 120.0)
 #: Squared residual of a sample over three axes, in variances, beyond which it lies in a bump
 #: (chi-square with 3 degrees of freedom: 1e-5), and the rounds in which bumps are looked for.
-BUMP_CHI2, BUMP_ROUNDS = 26.0, 4
+BUMP_CHI2, BUMP_ROUNDS = 26.0, 6
 #: Models that are less likely than the best by this factor are left out of the average.
 NEGLIGIBLE = 1e-6
 #: Headings on which the posterior is computed.
@@ -94,12 +97,15 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
     biases = (known.turn_on_bias,) if errors is not None else UNKNOWN_BIAS
     grid = _grid(len(gyro_l), rate_hz, known)
     masked = _first_mask(gyro_l)
+    found = _scan(grid, gyro_l, masked)
     for _ in range(BUMP_ROUNDS):
-        found = _scan(grid, gyro_l, masked)
         again = _bumped(grid, gyro_l, masked, found)
         if (again == masked).all():
             break
         masked = again
+        found = _scan(grid, gyro_l, masked)
+    grid = _refined(grid, found, rate_hz)
+    found = _scan(grid, gyro_l, masked)
     return _conclude(grid, gyro_l, masked, found, latitude, biases)
 
 
@@ -115,14 +121,38 @@ def _grid(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
     edges = np.arange(samples + 1)
     covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    time = (edges[:-1] + 0.5) / rate_hz
     highest = min(FREQUENCIES[1], 0.4 * rate_hz)
     frequency = np.arange(FREQUENCIES[0], highest, SPACING / duration)
+    prior = (1 / frequency) / np.sum(1 / frequency)
+    return _features(whiten, rate_hz, frequency, np.log(prior))
+
+
+def _features(whiten: Array, rate_hz: float, frequency: Array, log_prior: Array) -> _Grid:
+    time = (np.arange(len(whiten)) + 0.5) / rate_hz
     phase = 2 * np.pi * time[:, None] * frequency
     tone = whiten @ np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * (TONE_RATE / np.sqrt(2))
-    settling = whiten @ np.exp(-time[:, None] / np.array(TIME_CONSTANTS)) * SETTLING_RATE
-    prior = (1 / frequency) / np.sum(1 / frequency)
-    return _Grid(frequency, np.log(prior), tone, tone.T @ tone, settling, whiten.sum(axis=1), whiten)
+    bins = np.array(TIME_CONSTANT_BINS)
+    settling = whiten @ np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2)) * SETTLING_RATE
+    return _Grid(frequency, log_prior, tone, tone.T @ tone, settling, whiten.sum(axis=1), whiten)
+
+
+def _refined(grid: _Grid, models: _Models, rate_hz: float) -> _Grid:
+    """A finer grid where the tones are: a strong tone between two nodes fits neither, and leaks.
+
+    Cells that hold some of the posterior, and those beside them, are divided.
+    """
+    log_weight = models.log_weight - 1.5 * np.log(models.information)
+    weight = np.exp(log_weight - log_weight.max())
+    f = len(grid.frequency)
+    share = sum(np.bincount(t[t >= 0], weight[t >= 0], minlength=f) for t in models.tones) / weight.sum()
+    order = np.argsort(-share)[:MOST_CELLS]
+    kept = order[(share[order] > REFINED) | (np.arange(len(order)) == 0)]
+    cells = np.unique(np.clip(kept[:, None] + [-1, 0, 1], 0, f - 1))
+    spacing = grid.frequency[1] - grid.frequency[0]
+    offset = ((np.arange(DIVISIONS) + 0.5) / DIVISIONS - 0.5) * spacing
+    frequency = (grid.frequency[cells, None] + offset).ravel()
+    log_prior = np.repeat(grid.log_prior[cells] - np.log(DIVISIONS), DIVISIONS)
+    return _features(grid.whiten, rate_hz, frequency, log_prior)
 
 
 @dataclass(frozen=True)
@@ -151,6 +181,7 @@ def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 
         in_tone, in_known = basis.T @ grid.tone / scale, basis.T @ known
         gram = gram - in_tone.T @ in_tone
         cross, inner = cross - in_tone.T @ in_known, inner - in_known.T @ in_known
+    share = np.diff(TIME_CONSTANT_BINS) / (TIME_CONSTANT_BINS[-1] - TIME_CONSTANT_BINS[0])
     parts = []
     for number in range(-1, k):
         if number < 0:
@@ -162,7 +193,7 @@ def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 
             seen = cross[:, :4] - np.outer(cross[:, column], inner[column, :4] / pivot)
             rest = inner[:4, :4] - np.outer(inner[:4, column], inner[column, :4] / pivot)
             cost = np.log(pivot)
-        prior = np.log(1 - SETTLING) if number < 0 else np.log(SETTLING / k)
+        prior = np.log(1 - SETTLING) if number < 0 else np.log(SETTLING * share[number])
         parts.append(_with_tones(here, seen, rest, cost, prior, grid.log_prior, f))
     settling = np.repeat(np.arange(-1, k), [len(part[0]) for part in parts])
     weight, information, rate = (np.concatenate([part[i] for part in parts], axis=-1) for i in range(3))
@@ -206,10 +237,8 @@ def _with_tones(
     )
     total = np.concatenate([none[:, None], single, double], axis=1)
     log_det = cost + np.concatenate([[0.0], np.log(det), np.log(det)[i] + np.log(det_ij)])
-    pair = log_prior[i] + log_prior[j] - np.log(1 - np.sum(np.exp(2 * log_prior))) + np.log(2)
-    log_prior_all = prior + np.concatenate(
-        [[np.log(TONES[0])], np.log(TONES[1]) + log_prior, np.log(TONES[2]) + pair]
-    )
+    pair = log_prior[i] + log_prior[j] + np.log(2)
+    log_prior_all = prior + np.concatenate([[np.log(TONES[0])], np.log(TONES[1]) + log_prior, np.log(TONES[2]) + pair])
     information, product, square = total[0], total[1:4], total[4:]
     residual = np.sum(square - product**2 / information, axis=0)
     return log_prior_all - 1.5 * log_det - 0.5 * residual, information, product / information

@@ -83,7 +83,9 @@ def simulate(
             help="Turn about the vertical, s, s and degrees, positive clockwise seen from above; repeatable.",
         ),
     ] = None,
-    disturbance: Annotated[str, typer.Option(metavar="KIND", help="quiet or sway.")] = "quiet",
+    disturbance: Annotated[
+        str, typer.Option(metavar="KIND", help="quiet, sway, shock, warmup, tilt or mixed.")
+    ] = "quiet",
     no_accel: Annotated[bool, typer.Option("--no-accel", help="Leave the accelerometer out.")] = False,
 ) -> None:
     """Write a simulated recording of a sensor, with its true heading."""

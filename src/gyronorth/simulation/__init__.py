@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.angles import wrap_heading
 from gyronorth.recording import InputError, Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
-from gyronorth.simulation.motion import DISTURBANCES, Motion, sway, true_motion
+from gyronorth.simulation.motion import DISTURBANCES, Motion, true_motion
 from gyronorth.simulation.noise import Law, draw, sensor_errors
 
-__all__ = ["DISTURBANCES", "Motion", "sensor_errors", "simulate", "simulate_batch", "sway"]
+__all__ = ["DISTURBANCES", "Motion", "sensor_errors", "simulate", "simulate_batch"]
 
 Array = NDArray[np.float64]
 # Values of one triad that are worked on at once: 32 MB, so that temporaries stay small beside the result.

@@ -3,7 +3,8 @@
 Every value is the mean over a sample's interval. Turns are about the vertical; their rate and the
 Earth rate seen by the turning body are integrated over each interval. A disturbance is a small
 rotation on top, given as a function of time; it moves gyro and accelerometer together. Its lever
-arm is left out: the unit rotates about its own accelerometers.
+arm is left out: the unit rotates about its own accelerometers. A bias that settles is added to
+the true rate, since it is the named disturbance and not the sensor model that brings it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.disturbance import HELD_OUT, KINDS, drawn
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.levelling import mat_lb
 from gyronorth.recording import InputError
@@ -24,27 +25,8 @@ Array = NDArray[np.float64]
 #: the given times (k,), s, in undisturbed body axes, rad, shape (runs, k, 3) or (1, k, 3).
 Disturbance = Callable[..., Array]
 
-#: Frequencies of sway, Hz: log-uniform between these.
-SWAY_FREQUENCY = (0.008, 0.3)
-#: Rate amplitude of each tone and axis, rad/s: half-normal with this sigma (0.002 deg/s).
-SWAY_RATE = 7.2 * DEG_PER_HOUR
-#: Tones of one sway.
-SWAY_TONES = 2
-
-
-def sway(times: Array, *, runs: int, rng: np.random.Generator) -> Array:
-    """Two angular oscillations about all axes with random frequency, amplitude and phase, (runs, k, 3) rad."""
-    low, high = np.log(SWAY_FREQUENCY)
-    angle = np.zeros((runs, len(times), 3))
-    for _ in range(SWAY_TONES):
-        omega = 2 * np.pi * np.exp(rng.uniform(low, high, (runs, 1, 1)))
-        amplitude = SWAY_RATE * np.abs(rng.standard_normal((runs, 1, 3))) / omega
-        angle += amplitude * np.sin(omega * times[:, None] + rng.uniform(0, 2 * np.pi, (runs, 1, 3)))
-    return angle
-
-
-#: Disturbances that can be named.
-DISTURBANCES: dict[str, Disturbance] = {"sway": sway}
+#: Disturbances that can be named, beside "quiet".
+DISTURBANCES = tuple(kind for kind in (*KINDS, *HELD_OUT) if kind != "quiet")
 
 
 @dataclass(frozen=True)
@@ -59,7 +41,7 @@ class Motion:
 
     turns: tuple[tuple[float, float, float], ...] = ()  # start s, duration s, angle rad (positive clockwise from above)
     smooth: bool = False  # turn with a raised-cosine rate instead of a constant one
-    disturbance: str | Disturbance = "quiet"  # "quiet", a key of DISTURBANCES, or a function like `sway`
+    disturbance: str | Disturbance = "quiet"  # "quiet", one of DISTURBANCES, or a function
 
     def __post_init__(self) -> None:
         end = 0.0
@@ -118,9 +100,12 @@ def true_motion(motion: Motion, pose: Array, samples: int, rate_hz: float, *, rn
     accel = -(gravity[:, None] * mat_bl[:, :, 2])[:, None]
     if motion.disturbance == "quiet":
         return Truth(gyro, accel)
-    disturbance = DISTURBANCES[motion.disturbance] if isinstance(motion.disturbance, str) else motion.disturbance
     times = np.arange(2 * samples + 1) / (2 * rate_hz)
-    return _disturbed(gyro, accel, disturbance(times, runs=len(latitude), rng=rng), rate_hz)
+    if not isinstance(motion.disturbance, str):
+        return _disturbed(gyro, accel, motion.disturbance(times, runs=len(latitude), rng=rng), rate_hz)
+    rotation, bias_angle = drawn(motion.disturbance, times, runs=len(latitude), rng=rng)
+    truth = _disturbed(gyro, accel, rotation, rate_hz)
+    return Truth(truth.gyro_b + np.diff(bias_angle[:, ::2], axis=1) * rate_hz, truth.accel_b)
 
 
 def _level_rate(latitude: Array, heading: Array, turning: Array) -> Array:
