@@ -15,13 +15,14 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch", reason="PyTorch comes with the extra train")
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra learned")
 
-from gyronorth.alignment.bundle import Bundle, Domain, RecordingFacts, mismatch, read_bundle  # noqa: E402
+from gyronorth.alignment.bundle import Bundle, Domain, RecordingFacts, mismatch, read_bundle, shipped_bundle  # noqa: E402
 from gyronorth.alignment.diffusion import Sampler  # noqa: E402
 from gyronorth.alignment.learned import clean, decode, last_window, load_bundle, misfits, run  # noqa: E402
-from gyronorth.angles import angle_error  # noqa: E402
+from gyronorth.angles import angle_error, cyclic_rmse  # noqa: E402
 from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa: E402
-from gyronorth.learn.export import export_bundle  # noqa: E402
-from gyronorth.learn.settings import Settings  # noqa: E402
+from gyronorth.learn.export import export_bundle, model_card  # noqa: E402
+from gyronorth.learn.settings import Settings, baseline, paper  # noqa: E402
+from gyronorth.learn.shipped import twin_data  # noqa: E402
 from gyronorth.learn.stages import train_denoiser, train_heading  # noqa: E402
 from gyronorth.recording import InputError  # noqa: E402
 
@@ -194,6 +195,23 @@ def test_a_fast_recording_is_averaged_down_and_judged(exported):
     (found,) = misfits(bundle, 10 * fast, **facts)
     assert "noise" in found.message
     assert "shorter" in misfits(bundle, fast[:100], **facts)[0].message
+
+
+@pytest.mark.parametrize(("method", "recipe"), [("paper", paper), ("baseline", baseline)])
+def test_shipped_bundles_reproduce_the_errors_on_their_card(method, recipe):
+    """The twin, the split, the networks and the inference together: the test error comes out as printed."""
+    bundle, test = load_bundle(shipped_bundle(method)), twin_data(recipe()).test
+    info = bundle.info
+    assert (info.method, info.layout, info.domain.sensor) == (method, "flattened", "sdc500")
+    assert Settings.model_validate(info.training) == recipe()
+    assert model_card(info) == (shipped_bundle(method) / "README.md").read_text()
+    crmse = np.degrees(cyclic_rmse(angle_error(run(bundle, test.gyro_l), test.heading)))
+    assert crmse == pytest.approx(info.metrics["test_network_crmse_deg"], abs=1e-4)
+
+
+def test_a_method_without_a_shipped_bundle_is_refused():
+    with pytest.raises(InputError, match="Give --model FOLDER"):
+        shipped_bundle("nonesuch")
 
 
 def test_decode_by_hand():

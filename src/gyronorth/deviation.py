@@ -35,7 +35,10 @@ FEWEST = 6
 #: Members of the ensemble below this weight are left out of predictions.
 SMALLEST_WEIGHT = 1e-5
 GAUSSIAN = 1e3  # degrees of freedom at which Student-t noise is Gaussian for every practical end
-_ROUNDS = 30  # of the variational fixed point; it settles within about 10
+#: Rounds of the variational fixed point: first for all settings, then for those that may matter.
+ROUNDS = (4, 26)
+#: What may matter after the first rounds: log weight at most this below the largest.
+SCREEN = 15.0
 
 
 @dataclass(frozen=True)
@@ -203,7 +206,10 @@ def fit_deviation(
     error = angle_error(heading, truth)
     scale = np.sqrt(np.mean(error**2)) + 1e-12  # the addend keeps a perfect set of recordings from dividing by 0
     settings, log_prior = _ensemble(prior, scale)
-    precision, evidence = _evidence(heading, surplus, error, settings, prior.dof)
+    precision, evidence = _evidence(heading, surplus, error, settings, np.ones((1, len(error))), prior.dof, ROUNDS[0])
+    kept = log_prior + evidence > np.max(log_prior + evidence) - SCREEN
+    settings, log_prior, precision = settings[kept], log_prior[kept], precision[kept]
+    precision, evidence = _evidence(heading, surplus, error, settings, precision, prior.dof, ROUNDS[1])
     log_weight = log_prior + evidence
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
@@ -240,8 +246,6 @@ def fit_classical(heading: ArrayLike, heading_true: ArrayLike, *, at: ArrayLike)
     variance = np.sum((error - design @ coefficients) ** 2) / (len(error) - design.shape[1])
     leverage = np.einsum("ij,jk,ik->i", wanted, inverse, wanted)
     return wanted @ coefficients, np.sqrt(variance * (1 + leverage))
-
-
 
 
 def _harmonics(angle: NDArray) -> NDArray:
@@ -298,15 +302,22 @@ def _scatter_left_out(
     return scatter * len(error) / (len(error) - 3)  # noise, curve and coupling were fitted to the same recordings
 
 
-def _evidence(heading: NDArray, surplus: NDArray, error: NDArray, settings: NDArray, dof: float) -> tuple:
-    """Mean precision factor of each recording (k, n) and evidence lower bound (k,)."""
+def _evidence(
+    heading: NDArray,
+    surplus: NDArray,
+    error: NDArray,
+    settings: NDArray,
+    precision: NDArray,
+    dof: float,
+    rounds: int,
+) -> tuple[NDArray, NDArray]:
+    """Mean precision factor of each recording (k, n), from `precision` on, and evidence lower bound (k,)."""
     from scipy.special import digamma, gammaln
 
     variance, index = settings[:, :1] ** 2, np.arange(len(error))
     shape, shape_0 = (dof + 1) / 2, dof / 2
     signal = _covariance(heading, surplus, settings, np.zeros((len(settings), len(error))))
-    precision = np.ones((len(settings), len(error)))
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         noise = variance / precision
         covariance = signal.copy()
         covariance[:, index, index] += noise
@@ -327,4 +338,6 @@ def _evidence(heading: NDArray, surplus: NDArray, error: NDArray, settings: NDAr
     )
     gaussian = -0.5 * (weighted @ error) + 0.5 * np.linalg.slogdet(inverse)[1]
     slack = 0.5 * (digamma(shape) - np.log(rate) - np.log(used)) - divergence
-    return used, gaussian + slack.sum(axis=1) - 0.5 * len(error) * np.log(2 * np.pi)
+    return np.broadcast_to(used, gaussian.shape + error.shape), gaussian + slack.sum(axis=1) - 0.5 * len(
+        error
+    ) * np.log(2 * np.pi)

@@ -17,7 +17,7 @@ import csv
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from math import cos, degrees, radians
+from math import cos, radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,7 +129,7 @@ def fit_noise() -> NoiseFit:
         return np.sqrt(at_longest**2 + noise**2 * (1 / duration - 1 / LONGEST_PRINTED))
 
     start = radians(0.04) / 60  # near the solution; the problem has one unknown and one minimum
-    scale = least_squares(lambda s: degrees(1) * (crmse(s[0] * start) - printed), [1.0]).x[0]
+    scale = least_squares(lambda s: crmse(s[0] * start) - printed, [1.0]).x[0]
     return NoiseFit(float(scale * start), duration, printed, crmse(scale * start))
 
 

@@ -20,7 +20,7 @@ from gyronorth.twin import LATITUDE, SESSION, published_twin
 SEED = 20240501
 SOURCE = (
     "published twin: mean rates of 60 real SDC500 recordings (arXiv 2312.12121), so that the biases are real, with "
-    "simulated white noise; split 24/4/6 by recording"
+    "simulated white noise; split 42/7/11 by recording"
 )
 
 
@@ -37,7 +37,7 @@ def twin_data(settings: Settings) -> TrainingData:
         source=SOURCE,
         latitude=LATITUDE,
         sensor="sdc500",
-        unit="the unit of arXiv 2312.12121",
+        unit="SDC500 of arXiv 2312.12121",
         session=SESSION,
     )
 

@@ -1,0 +1,77 @@
+"""Run the studies of a benchmark: units on an executor, then JSON and Markdown per study."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gyronorth.recording import InputError
+from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
+from gyronorth.studies.published_transfer import TRANSFER
+from gyronorth.studies.study import Plan, Study, write_study
+from gyronorth.studies.work import executor_on, run_units
+
+DEFAULT = Plan()
+STUDIES: tuple[Study, ...] = (NOISE, LOO, ARC, SPLITS, TRANSFER)
+
+
+def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
+    """The studies of a benchmark, or some of them by name.
+
+    Raises
+    ------
+    InputError
+        If there is no such benchmark or study.
+    """
+    found = [study for study in STUDIES if study.benchmark == benchmark]
+    if not found:
+        names = ", ".join(dict.fromkeys(study.benchmark for study in STUDIES))
+        raise InputError(f"There is no benchmark {benchmark!r} here; known are {names}.")
+    unknown = [name for name in only if name not in {study.name for study in found}]
+    if unknown:
+        names = ", ".join(study.name for study in found)
+        raise InputError(f"Benchmark {benchmark} has no study {unknown[0]!r}; it has {names}.")
+    return [study for study in found if not only or study.name in only]
+
+
+def run_benchmark(
+    benchmark: str,
+    out: str | Path,
+    *,
+    only: tuple[str, ...] = (),
+    plan: Plan = DEFAULT,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: Callable[[str, int, int], None] = lambda study, finished, total: None,
+) -> list[Path]:
+    """Run a benchmark into the folder `out`, continuing what is there; give the Markdown files written.
+
+    Parameters
+    ----------
+    benchmark : str
+        `paper` or `published`.
+    only : tuple of str
+        Names of studies; all by default.
+    scheduler : str, optional
+        Address of a Dask scheduler; local processes by default.
+    workers : int, optional
+        Local processes; as many as there are processors by default.
+    progress : callable
+        Called with the study's name, the units finished and their total.
+    """
+    folder = Path(out)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    with executor_on(scheduler, workers=workers) as executor:
+        for study in studies_of(benchmark, only):
+            command = f"gyronorth benchmark {benchmark} --study {study.name} -o FOLDER"
+            results = run_units(
+                study.units(plan),
+                folder,
+                executor,
+                command=command,
+                done=lambda finished, total, name=study.name: progress(name, finished, total),
+            )
+            write_study(study, plan, results, folder, command=command)
+            written.append(folder / f"{study.name}.md")
+    return written

@@ -1,0 +1,101 @@
+"""The methods without a network that the studies compare, on splits of the published twin."""
+
+from __future__ import annotations
+
+from math import cos, radians
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.angles import DEG_PER_HOUR, angle_error
+from gyronorth.deviation import PRIORS, fit_classical, fit_deviation, rate_surplus
+from gyronorth.earth import EARTH_RATE
+from gyronorth.evaluation import Split
+from gyronorth.twin import DURATION, LATITUDE, Twin, model_based, published, published_twin
+
+Array = NDArray[np.float64]
+
+MODEL_BASED = "model-based"
+CLASSICAL = "deviation curve, A + B sin + C cos + D sin 2 + E cos 2"
+GP = "deviation curve, Gaussian process on heading"
+LEARNED = "learned + deviation"
+#: Row of a table -> prior of the deviation; the ablations take one ingredient away each.
+DEVIATIONS = {
+    GP: "gp on heading",
+    "learned + deviation, Gaussian noise": "gaussian noise",
+    "learned + deviation, no coupling to the rate": "no coupling",
+    "learned + deviation, always a curve": "always a curve",
+    LEARNED: "learned",
+}
+METHODS = (MODEL_BASED, CLASSICAL, *DEVIATIONS)
+#: Length of the windows of the paper, s.
+WINDOW = 100.0
+
+
+def north(rate: float) -> float:
+    """Heading error, rad, of an east rate error, rad/s, at the published latitude."""
+    return rate / (EARTH_RATE * cos(LATITUDE))
+
+
+def bias_deviation() -> float:
+    """Standard deviation of the published residual horizontal bias per axis, rad/s."""
+    figures = published()
+    heading = figures.heading_true
+    expected = EARTH_RATE * cos(LATITUDE) * np.stack([np.cos(heading), -np.sin(heading)], axis=1)
+    return float((figures.mean_rate[:, :2] - expected).std(axis=0).mean())
+
+
+def floor(duration: float, arw: float) -> float:
+    """Cramer-Rao floor with bias, rad: sqrt(arw^2 / T + bias^2) / (Earth rate cos lat), bias unlearnable."""
+    return north(float(np.sqrt(arw**2 / duration + bias_deviation() ** 2)))
+
+
+def twin_of(seed: int) -> Twin:
+    """The published twin of a seed at 3 Hz."""
+    return published_twin(rng=np.random.default_rng(seed))
+
+
+def judge_split(*, train: list[int], validation: list[int], test: list[int], seed: int) -> dict:
+    """Errors and sigmas, deg, of every method on the test recordings, whole and in 100 s windows.
+
+    Learnt from the whole known recordings; a window's sigma includes the noise that the whole
+    recording does not have.
+    """
+    split = Split(np.array(train, int), np.array(test, int), np.array(validation, int))
+    twin, known = twin_of(seed), split.known
+    heading, truth = model_based(twin.gyro_l)[known], twin.heading_true[known]
+    surplus = rate_surplus(twin.gyro_l.mean(axis=1), LATITUDE)[known]
+    models = {name: fit_deviation(heading, surplus, truth, prior=PRIORS[key]) for name, key in DEVIATIONS.items()}
+    spread = float(np.sqrt(np.mean(angle_error(heading, truth) ** 2)))
+
+    def judge(duration: float) -> dict:
+        gyro_l, true, recording = twin.windows(duration)
+        tested = np.isin(recording, split.test)
+        at, at_surplus = model_based(gyro_l[tested]), rate_surplus(gyro_l[tested].mean(axis=1), LATITUDE)
+        expected = {MODEL_BASED: (np.zeros(len(at)), np.full(len(at), spread))}
+        expected[CLASSICAL] = fit_classical(heading, truth, at=at)
+        expected |= {name: model.predict(at, at_surplus) for name, model in models.items()}
+        error = angle_error(at, true[tested])
+        extra = north(twin.arw) ** 2 * (1 / duration - 1 / DURATION)
+        return {
+            "recording": recording[tested].tolist(),
+            "error_deg": {k: _rounded(angle_error(error, e)) for k, (e, _) in expected.items()},
+            "sigma_deg": {k: _rounded(np.sqrt(s**2 + extra)) for k, (_, s) in expected.items()},
+        }
+
+    return {"whole": judge(DURATION), "windows": judge(WINDOW)}
+
+
+def _rounded(angle: Array) -> list[float]:
+    """Degrees to 1e-6: the last bits of a sum depend on the processor, and files are compared."""
+    return np.round(np.degrees(angle), 6).tolist()
+
+
+def as_rad(values: list[float]) -> Array:
+    """Stored degrees as radians."""
+    return np.array([radians(v) for v in values])
+
+
+def deg_per_hour(rate: float) -> float:
+    """A rate for a table."""
+    return rate / DEG_PER_HOUR

@@ -1,0 +1,82 @@
+"""What a study is, how much of it is run, and what it leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from gyronorth.recording import InputError
+from gyronorth.studies.tables import Report
+from gyronorth.studies.work import Result, Unit, commit, data_sha256, write_json
+
+SCHEMA = "gyronorth.study/1"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is run. The defaults are those of the results page.
+
+    Raises
+    ------
+    InputError
+        If a count is not positive.
+    """
+
+    seed: int = 0  # of the twin's noise, of the splits and of the first training
+    splits: int = 200  # random 24/4/6 splits of the methods without a network
+    network_splits: int = 10  # the same for the networks, each trained anew
+    seeds: int = 3  # trainings of each variant of a network on its split
+    denoiser_epochs: int = 600  # at most; both stop early on validation
+    heading_epochs: int = 200  # at most
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name != "seed" and value < 1:
+                raise InputError(f"{name} is {value}; a positive number is expected.")
+
+
+@dataclass(frozen=True)
+class Study:
+    """One table or figure: its units of work and what is made of their results."""
+
+    name: str  # of its files
+    title: str
+    benchmark: str  # the command that it belongs to: paper or published
+    units: Callable[[Plan], list[Unit]]
+    report: Callable[[Plan, Mapping[str, Result]], Report]  # of the results by unit name
+
+
+def write_study(study: Study, plan: Plan, results: Mapping[str, Result], folder: Path, *, command: str) -> Report:
+    """Write `<name>.json` and `<name>.md` and give what they hold."""
+    report = study.report(plan, results)
+    content: dict[str, Any] = {
+        "schema": SCHEMA,
+        "study": study.name,
+        "title": study.title,
+        "seed": plan.seed,
+        "commit": commit(),
+        "data_sha256": data_sha256(),
+        "command": command,
+        "plan": asdict(plan),
+        "text": report.text,
+        "tables": [table.to_json() for table in report.tables],
+        "curves": report.curves,
+    }
+    write_json(folder / f"{study.name}.json", content)
+    origin = f"`{command}`, seed {plan.seed}, commit {commit()[:12]}, data {data_sha256()[:12]}"
+    parts = [
+        f"## {study.title}",
+        "",
+        report.text,
+        "",
+        *(t.to_markdown() for t in report.tables),
+        f"Made by {origin}.",
+        "",
+    ]
+    path = folder / f"{study.name}.md"
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_text("\n".join(parts), encoding="utf-8")
+    beside.replace(path)
+    return report

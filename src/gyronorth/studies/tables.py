@@ -1,0 +1,60 @@
+"""Tables of the studies: rows of figures with their intervals, as data and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gyronorth.evaluation import Interval
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table under a heading; cells are text, numbers, intervals or None."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+    note: str = ""
+
+    def to_json(self) -> dict:
+        """Plain data: an interval becomes {value, low, high}."""
+        rows = [[vars(c) if isinstance(c, Interval) else c for c in row] for row in self.rows]
+        return {"title": self.title, "columns": list(self.columns), "rows": rows, "note": self.note}
+
+    def to_markdown(self) -> str:
+        """A Markdown table under its title."""
+        lines = [f"### {self.title}", "", _row(self.columns), _row(["---"] * len(self.columns))]
+        lines += [_row([_cell(cell) for cell in row]) for row in self.rows]
+        return "\n".join([*lines, "", self.note, ""]) if self.note else "\n".join([*lines, ""])
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a study found."""
+
+    text: str  # what was done, in plain words
+    tables: tuple[Table, ...]
+    curves: dict[str, Any] = field(default_factory=dict)  # data of the figure, if there is one
+
+
+def degrees(interval: Interval) -> Interval:
+    """An interval in rad as one in degrees."""
+    return Interval(*(float(np.degrees(v)) for v in (interval.value, interval.low, interval.high)))
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _cell(cell: Any) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, Interval):
+        return f"{cell.value:.3f} ({cell.low:.3f} to {cell.high:.3f})"
+    if isinstance(cell, float):
+        return f"{cell:.3f}" if 1e-3 <= abs(cell) < 1e4 or cell == 0 else f"{cell:.3g}"
+    return str(cell)

@@ -1,0 +1,200 @@
+"""Units of work of the studies: small, resumable, one result file each, on any executor.
+
+A unit is a plain function with plain arguments. Its result file holds what is needed to repeat
+and to judge it: arguments, seed, commit, hash of the shipped data, command. A unit whose file
+is there with the same arguments is not run again; a file appears whole or not at all. Nothing
+in it depends on where or how often it was run, so that local processes and a cluster leave
+the same files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+SCHEMA = "gyronorth.unit/1"
+#: How often a unit is given to a pool again whose worker died under it.
+ATTEMPTS = 3
+
+Result = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One piece of work: `function(*results of needs, **arguments)` gives a JSON-able dict.
+
+    `name` is the path of its result file below `units/`, without suffix.
+    """
+
+    name: str
+    function: Callable[..., Result]
+    arguments: Mapping[str, Any]
+    needs: tuple[Unit, ...] = field(default=())
+
+    def key(self) -> str:
+        """Checksum of what decides the result."""
+        what = [self.function.__module__, self.function.__qualname__, self.arguments, [n.key() for n in self.needs]]
+        return hashlib.sha256(json.dumps([*what, data_sha256()], sort_keys=True).encode()).hexdigest()
+
+
+def run_units(
+    units: Sequence[Unit],
+    folder: Path,
+    executor: Executor,
+    *,
+    command: str,
+    done: Callable[[int, int], None] = lambda finished, total: None,
+) -> dict[str, Result]:
+    """Run what is not there yet and give all results by name.
+
+    Finished units are written as they come; `done(finished, total)` is called after each.
+    An exception in a unit is raised once the others that run have been written.
+    """
+    order = _with_needs(units)
+    results = {unit.name: result for unit in order if (result := _stored(unit, folder)) is not None}
+    waiting = [unit for unit in order if unit.name not in results]
+    running: dict[Future[Result], Unit] = {}
+    failure: Exception | None = None
+    done(len(results), len(order))
+    while (waiting and failure is None) or running:
+        if failure is None:
+            for unit in [u for u in waiting if all(n.name in results for n in u.needs)]:
+                waiting.remove(unit)
+                running[executor.submit(_work, unit, [results[n.name] for n in unit.needs])] = unit
+        finished, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in finished:
+            unit = running.pop(future)
+            try:
+                result = future.result()
+            except Exception as error:
+                failure = failure or error
+                continue
+            _write(unit, result, folder, command)
+            results[unit.name] = result
+            done(len(results), len(order))
+    if failure is not None:
+        raise failure
+    return results
+
+
+@contextmanager
+def executor_on(scheduler: str | None, *, workers: int | None = None) -> Iterator[Executor]:
+    """A pool of local processes, or with the address of a Dask scheduler its cluster.
+
+    Raises
+    ------
+    InputError
+        If Dask is not installed or does not answer.
+    """
+    if scheduler is None:
+        with ProcessPoolExecutor(max_workers=workers, mp_context=_spawn()) as pool:
+            yield pool
+        return
+    from gyronorth.recording import InputError
+
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs Dask, which is not installed. Install gyronorth[scale].") from None
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"No Dask scheduler answers at {scheduler} ({error}). Start one or give its address."
+        ) from None
+    with client, client.get_executor(retries=ATTEMPTS) as pool:
+        yield pool
+
+
+@cache
+def data_sha256() -> str:
+    """Checksum of the published figures that ship with the package."""
+    digest = hashlib.sha256()
+    for name in ("published_recordings.csv", "published_durations.csv"):
+        digest.update((files("gyronorth") / "data" / name).read_bytes())
+    return digest.hexdigest()
+
+
+@cache
+def commit() -> str:
+    """Commit of the code, with + if files differ from it; the package version outside a repository."""
+    here = Path(__file__).parent
+    git = ["git", "-C", str(here)]
+    try:
+        head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
+        changed = subprocess.run([*git, "status", "--porcelain", "--", ":/src"], capture_output=True, text=True)
+    except (OSError, subprocess.CalledProcessError):
+        return f"version {version('gyronorth')}"
+    return head + ("+" if changed.stdout.strip() else "")
+
+
+def write_json(path: Path, content: object) -> None:
+    """JSON, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    beside.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    os.replace(beside, path)
+
+
+def _spawn() -> Any:
+    import multiprocessing
+
+    return multiprocessing.get_context("spawn")  # fork after PyTorch has started threads can hang
+
+
+def _work(unit: Unit, needs: list[Result]) -> Result:
+    return unit.function(*needs, **unit.arguments)
+
+
+def _with_needs(units: Sequence[Unit]) -> list[Unit]:
+    found: dict[str, Unit] = {}
+
+    def visit(unit: Unit) -> None:
+        for need in unit.needs:
+            visit(need)
+        if unit.name in found and found[unit.name].key() != unit.key():
+            raise ValueError(f"Two different units are called {unit.name}.")
+        found.setdefault(unit.name, unit)
+
+    for unit in units:
+        visit(unit)
+    return list(found.values())
+
+
+def _path(unit: Unit, folder: Path) -> Path:
+    return folder / "units" / f"{unit.name}.json"
+
+
+def _stored(unit: Unit, folder: Path) -> Result | None:
+    path = _path(unit, folder)
+    if not path.is_file():
+        return None
+    content = json.loads(path.read_text(encoding="utf-8"))
+    return content["result"] if content.get("key") == unit.key() else None
+
+
+def _write(unit: Unit, result: Result, folder: Path, command: str) -> None:
+    content = {
+        "schema": SCHEMA,
+        "unit": unit.name,
+        "key": unit.key(),
+        "seed": unit.arguments.get("seed"),
+        "commit": commit(),
+        "data_sha256": data_sha256(),
+        "command": command,
+        "arguments": dict(unit.arguments),
+        "needs": [need.name for need in unit.needs],
+        "result": result,
+    }
+    write_json(_path(unit, folder), content)
