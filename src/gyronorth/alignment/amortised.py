@@ -14,12 +14,13 @@ This is amortised Bayesian inference: the search over all pairs of some 200 freq
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.evidence import Columns, Evidence, Law, columns, evidence, law
+from gyronorth.alignment.bayes import UNKNOWN_BIAS, white_of
+from gyronorth.alignment.evidence import Columns, Evidence, Law, columns, evidence, law, network_axes
 from gyronorth.angles import wrap_heading
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -32,14 +33,19 @@ Mask = NDArray[np.bool_]
 Propose = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]], tuple[Array, Array]]
 
 #: Frequencies kept of the proposals.
-KEPT = 28
+KEPT = 16
 #: Squared residual of a sample over three axes, in variances, beyond which it lies in a bump
 #: (chi-square with 3 degrees of freedom: 1e-5); rounds of comparing the mask with the fit.
 BUMP_CHI2, ROUNDS = 26.0, 3
 #: Expected tones at a frequency above which it is divided into so many, at most so many in all.
 FINER, MOST = ((0.15, 7), (0.01, 3), (1e-4, 1)), 44
+#: The mean squared residual scatters by sqrt(2 / its number): beyond so many of these the law does not hold.
+EXCESS_SIGMA = 4.0
 #: Models less likely than this are left out of the average.
 NEGLIGIBLE = 1e-5
+#: Models less likely than the best by this in the logarithm are not looked at: what is known of the constant
+#: changes weights by less.
+FAR = 30.0
 #: Points of the posterior density of the heading.
 POINTS = 1024
 
@@ -54,29 +60,46 @@ class Amortised:
     high: float
     rate_l: Array  # (3,) expected constant rate, rad/s
     tones: float  # expected number
-    settling: float  # probability
+    settling: float  # probability that the bias settles
+    walk: float  # probability that it walks
     bumps: int  # samples left out
-    excess: float  # mean squared residual over the law's variance
-    surprise: tuple[float, float]  # sums of squares of the settling and tone coefficients, in prior deviations
+    excess: float  # mean squared residual over the law's variance; above `fits`' limit sigma was scaled up by its root
+    fits: bool  # whether the law explains the recording
 
 
 def amortised(
-    gyro_l: Array, propose: Propose, *, rate_hz: float, latitude: float, errors: TriadErrors
+    gyro_l: ArrayLike, propose: Propose, *, rate_hz: float, latitude: float, errors: TriadErrors | None
 ) -> Amortised:
-    """Heading of one level recording (n, 3), rad/s."""
+    """Heading of one level recording that may sway, settle and be bumped.
+
+    Parameters
+    ----------
+    gyro_l : array_like, shape (n, 3)
+        Angular rate in the level frame, rad/s, at about 3 Hz (each sample a mean); 30-300 s.
+    propose : callable
+        The network, or anything else that proposes.
+    rate_hz : float
+        Sample rate, Hz.
+    latitude : float
+        Geodetic latitude, rad.
+    errors : TriadErrors, optional
+        Error terms of the gyro. Without them the white noise comes from second differences and the
+        turn-on bias is averaged over those that `bayes` tries.
+    """
+    gyro_l = np.asarray(gyro_l, dtype=float)
+    biases = UNKNOWN_BIAS if errors is None else (errors.turn_on_bias,)
+    if errors is None or errors.white == 0:
+        errors = replace(errors or TriadErrors(), white=white_of(gyro_l) / np.sqrt(rate_hz))
     known = law(len(gyro_l), rate_hz, errors)
     noise = errors.white * np.sqrt(rate_hz)
     scaled = (gyro_l - np.median(gyro_l, axis=0)) / noise
-    index = np.arange(len(gyro_l)) - (len(gyro_l) - 1) / 2
-    odds, weight = propose(
-        scaled.astype(np.float32), index.astype(np.float32), (known.frequency / rate_hz).astype(np.float32)
-    )
+    odds, weight = propose(scaled.astype(np.float32), *network_axes(len(gyro_l), rate_hz))
     masked = grown(odds > 0)
     kept = np.sort(np.argsort(-weight)[:KEPT])
     for _ in range(ROUNDS):
         seen = columns(known, gyro_l, masked, known.frequency[kept])
         models = evidence(known, seen, known.log_prior[kept])
-        square = np.sum(_fit(known, gyro_l, seen, models).residual ** 2, axis=1)
+        square = np.sum(_residual(known, gyro_l, seen, models) ** 2, axis=1)
         again = grown(square > BUMP_CHI2 * max(1.0, float(np.median(square[~masked])) / 2.366))
         if (again == masked).all():
             break
@@ -84,13 +107,12 @@ def amortised(
     frequency, log_prior = _finer(known, kept, models.shares(len(kept)))
     seen = columns(known, gyro_l, masked, frequency)
     models = evidence(known, seen, log_prior)
-    fit = _fit(known, gyro_l, seen, models)
     free = 3 * int((~masked).sum())
-    excess = float(np.sum(fit.residual[~masked] ** 2)) / free
-    # The squares scatter by sqrt(2 / free): beyond 4 of these the law does not hold.
-    if excess > 1 + 4 * np.sqrt(2 / free):
+    excess = float(np.sum(_residual(known, gyro_l, seen, models)[~masked] ** 2)) / free
+    fits = excess <= 1 + EXCESS_SIGMA * np.sqrt(2 / free)
+    if not fits:
         models = evidence(known, seen, log_prior, scale=float(np.sqrt(excess)))
-    return _conclude(models, latitude, errors.turn_on_bias, int(masked.sum()), excess, (fit.settling, fit.tones))
+    return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
 
 def grown(flags: Mask) -> Mask:
@@ -118,28 +140,20 @@ def _finer(known: Law, kept: NDArray[np.int64], share: Array) -> tuple[Array, Ar
     return np.concatenate(frequency), np.concatenate(log_prior)
 
 
-@dataclass(frozen=True)
-class _Fit:
-    residual: Array  # (n, 3) whitened, of all samples, masked ones too
-    settling: float  # squares of the coefficients in units of their prior deviation
-    tones: float
-
-
-def _fit(known: Law, gyro_l: Array, seen: Columns, models: Evidence) -> _Fit:
-    """The likeliest model, fitted to the samples that are not masked."""
-    settling, which = np.unravel_index(np.argmax(models.posterior), models.log_weight.shape)
-    f = len(seen.frequency)
+def _residual(known: Law, gyro_l: Array, seen: Columns, models: Evidence) -> Array:
+    """Whitened residual (n, 3) of all samples from the likeliest model, fitted to those that are not masked."""
+    slow, which = np.unravel_index(np.argmax(models.posterior), models.log_weight.shape)
+    f, k = len(seen.frequency), len(known.share)
     tones = [t for t in (models.first[which], models.second[which]) if t >= 0]
-    settles = [3 + settling] if settling else []
-    inside = np.concatenate([seen.known[:, [0, *settles]], *(seen.tone[:, [t, t + f]] for t in tones)], axis=1)
+    settles = [] if slow == 0 else [slow - 1] if slow <= k else list(range(k, known.settling.shape[1]))
+    parts = [seen.known[:, [0, *(4 + s for s in settles)]], *(seen.tone[:, [t, t + f]] for t in tones)]
+    inside = np.concatenate(parts, axis=1)
     free = np.ones(inside.shape[1])
     free[0] = 0.0
     fitted = np.linalg.solve(inside.T @ inside + np.diag(free), inside.T @ seen.known[:, 1:4])
-    whole = [known.constant[:, None]] + ([known.settling[:, [settling - 1]]] if settling else [])
-    design = np.concatenate([*whole, known.tones(seen.frequency[tones])[:, _interleaved(len(tones))]], axis=1)
-    square = np.sum(fitted**2, axis=1)
-    first = 1 + len(settles)
-    return _Fit(known.whitened(gyro_l) - design @ fitted, float(square[1:first].sum()), float(square[first:].sum()))
+    whole = known.tones(seen.frequency[tones])[:, _interleaved(len(tones))]
+    design = np.concatenate([known.constant[:, None], known.settling[:, settles], whole], axis=1)
+    return known.whitened(gyro_l) - design @ fitted
 
 
 def _interleaved(tones: int) -> list[int]:
@@ -147,25 +161,24 @@ def _interleaved(tones: int) -> list[int]:
     return [part * tones + tone for tone in range(tones) for part in (0, 1)]
 
 
-def _conclude(
-    models: Evidence, latitude: float, bias: float, bumps: int, excess: float, surprise: tuple[float, float]
-) -> Amortised:
-    """Weigh the models by what is known of the constant too and average their headings (as `bayes` does)."""
+def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, excess: float, fits: bool) -> Amortised:
+    """Weigh the models by what is known of the constant too, and average their headings, as `bayes` does."""
     from scipy.special import i0e
 
     north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
     log_weight = models.log_weight - 1.5 * np.log(models.information)
-    settling, which = np.nonzero(log_weight > log_weight.max() - 30)  # the constant changes weights by less
-    rate = models.rate[:, settling, which]
-    variance = 1 / models.information[settling, which] + bias**2
+    slow, which = np.nonzero(log_weight > log_weight.max() - FAR)
+    rate, information = models.rate[:, slow, which], models.information[slow, which]
+    variance = 1 / information + biases[:, None] ** 2  # (biases, models)
     size = np.hypot(rate[0], rate[1])
     concentration = size * north / variance
-    log_weight = models.log_weight[settling, which] - 1.5 * np.log(models.information[settling, which] * variance)
+    log_weight = models.log_weight[slow, which] - 1.5 * np.log(information * variance)
     log_weight += np.log(i0e(concentration)) - ((size - north) ** 2 + (rate[2] - down) ** 2) / (2 * variance)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
-    some = weight > NEGLIGIBLE
-    weight, concentration, rate = weight[some] / weight[some].sum(), concentration[some], rate[:, some]
+    bias, some = np.nonzero(weight > NEGLIGIBLE)
+    weight, concentration = weight[bias, some] / weight[bias, some].sum(), concentration[bias, some]
+    slow, which, rate, last = slow[some], which[some], rate[:, some], len(models.log_weight) - 1
     heading, sigma, low, high = posterior(np.arctan2(-rate[1], rate[0]), concentration, weight)
     return Amortised(
         heading=heading,
@@ -173,11 +186,12 @@ def _conclude(
         low=low,
         high=high,
         rate_l=rate @ weight,
-        tones=float(weight @ ((models.first >= 0) + (models.second >= 0.0))[which[some]]),
-        settling=float(weight @ (settling[some] > 0)),
+        tones=float(weight @ ((models.first[which] >= 0) + (models.second[which] >= 0.0))),
+        settling=float(weight @ ((slow > 0) & (slow < last))),
+        walk=float(weight @ (slow == last)),
         bumps=bumps,
         excess=excess,
-        surprise=surprise,
+        fits=fits,
     )
 
 
@@ -189,12 +203,11 @@ def posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float
     """
     from scipy.special import i0e, i1e
 
-    step = 2 * np.pi / POINTS
     pull = weight * i1e(concentration) / i0e(concentration)
     mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
     off = (centre - mean + np.pi) % (2 * np.pi) - np.pi
     spread = float(np.sqrt(weight @ (off**2 + 1 / np.maximum(concentration, 0.1))))
-    # A window of the circle that holds the mass; a mixture wider than a quarter turn takes the whole circle.
+    # A window that holds the mass, or the whole circle.
     reach = np.pi if spread > np.pi / 12 else 12 * spread
     step = 2 * reach / POINTS
     place = np.clip((off + reach) / step, 0, POINTS - 1).astype(int)
