@@ -120,7 +120,7 @@ def _grid(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
     duration = samples / rate_hz
     edges = np.arange(samples + 1)
     covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
     highest = min(FREQUENCIES[1], 0.4 * rate_hz)
     frequency = np.arange(FREQUENCIES[0], highest, SPACING / duration)
     prior = (1 / frequency) / np.sum(1 / frequency)
@@ -177,7 +177,7 @@ def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 
     known = np.concatenate([grid.one[:, None], grid.whiten @ gyro_l, grid.settling], axis=1) / scale
     gram, cross, inner = grid.gram / scale**2, grid.tone.T @ known / scale, known.T @ known
     if masked.any():  # a masked sample is one more unknown: project it out
-        basis = np.linalg.qr(grid.whiten[:, masked])[0]
+        basis = _basis(grid, masked)
         in_tone, in_known = basis.T @ grid.tone / scale, basis.T @ known
         gram = gram - in_tone.T @ in_tone
         cross, inner = cross - in_tone.T @ in_known, inner - in_known.T @ in_known
@@ -189,9 +189,9 @@ def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 
         else:
             column = 4 + number
             pivot = inner[column, column] + 1
-            here = gram - np.outer(cross[:, column], cross[:, column] / pivot)
-            seen = cross[:, :4] - np.outer(cross[:, column], inner[column, :4] / pivot)
-            rest = inner[:4, :4] - np.outer(inner[:4, column], inner[column, :4] / pivot)
+            here = gram - cross[:, column, None] * (cross[:, column] / pivot)
+            seen = cross[:, :4] - cross[:, column, None] * (inner[column, :4] / pivot)
+            rest = inner[:4, :4] - inner[:4, column, None] * (inner[column, :4] / pivot)
             cost = np.log(pivot)
         prior = np.log(1 - SETTLING) if number < 0 else np.log(SETTLING * share[number])
         parts.append(_with_tones(here, seen, rest, cost, prior, grid.log_prior, f))
@@ -244,6 +244,11 @@ def _with_tones(
     return log_prior_all - 1.5 * log_det - 0.5 * residual, information, product / information
 
 
+def _basis(grid: _Grid, masked: NDArray[np.bool_]) -> Array:
+    """Orthonormal columns that span the whitened masked samples."""
+    return np.asarray(np.linalg.qr(grid.whiten[:, masked])[0], dtype=float)
+
+
 def _first_mask(gyro_l: Array) -> NDArray[np.bool_]:
     """Samples far off a running median over 21: large bumps, before anything is fitted."""
     from scipy.ndimage import median_filter
@@ -267,7 +272,7 @@ def _residual(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Mo
     columns = [grid.one[:, None]] + [grid.tone[:, [t, t + f]] for t in tones]
     columns += [grid.settling[:, [settling]]] if settling >= 0 else []
     design, target = np.concatenate(columns, axis=1), grid.whiten @ gyro_l
-    basis = np.linalg.qr(grid.whiten[:, masked])[0]
+    basis = _basis(grid, masked)
     inside, free = design - basis @ (basis.T @ design), np.ones(design.shape[1])
     free[0] = 0.0
     return target - design @ np.linalg.solve(inside.T @ inside + np.diag(free), inside.T @ target)
@@ -349,12 +354,11 @@ def _posterior(centre: Array, concentration: Array, weight: Array) -> tuple[floa
         density += weight[part] / i0e(concentration[part]) @ np.exp(peak)
     density /= density.sum()
     middle = float(density @ grid)
+    edges = np.linspace(-reach, reach, HEADINGS + 1)
     cumulative = np.concatenate([[0.0], np.cumsum(density)])
-    ends = np.searchsorted(cumulative, cumulative + 0.95)
-    widths = np.where(ends <= HEADINGS, ends - np.arange(HEADINGS + 1), HEADINGS + 1)
-    start = int(np.argmin(widths))
-    low, high = (mean + 2 * reach * edge / HEADINGS - reach for edge in (start, start + widths[start]))
+    starts = edges[cumulative <= 0.05]
+    ends = np.interp(cumulative[: len(starts)] + 0.95, cumulative, edges)
+    shortest = int(np.argmin(ends - starts))
+    low, high = mean + starts[shortest], mean + ends[shortest]
     sigma = float(np.sqrt(density @ (grid - middle) ** 2))
-    if widths[start] >= HEADINGS and reach == np.pi:
-        return float(wrap_heading(mean + middle)), sigma, (0.0, 2 * np.pi)
     return float(wrap_heading(mean + middle)), sigma, (float(wrap_heading(low)), float(wrap_heading(high)))

@@ -239,7 +239,7 @@ class _Solution:
             "drift": through_gyro(False),
             "turn_on_bias": by_prior["bias"] + by_prior["g_sensitivity"],
             "scale_factor": by_prior["scale"],
-            "levelling": float(gain @ self.linear.own @ gain)
+            "levelling": float(gain @ self.linear.covariance(np.zeros((len(blocks.first),) * 2)) @ gain)
             + by_prior["accel_bias"]
             + by_prior["accel_scale"]
             + by_prior["arm"]

@@ -252,14 +252,14 @@ def linearise(
     gyro_design = sees_rate @ chain + local
 
     rows = _Rows(n)
-    for index in np.flatnonzero(blocks.still):
+    for index in np.flatnonzero(blocks.still).tolist():
         rows.add(0, gyro_residual[index], gyro_design[index], index, np.eye(3), sees_rate[index])
     for spin in range(blocks.spin.max(initial=-1) + 1):
         members = np.flatnonzero(blocks.spin == spin)
         across = np.linalg.svd(blocks.gyro_b[members], full_matrices=False)[2][1:]
         axis = np.cross(across[0], across[1])
         tilt = slice(SPIN + 2 * spin, SPIN + 2 * spin + 2)
-        for index in members:
+        for index in members.tolist():
             design = across @ gyro_design[index]
             design[:, tilt] = np.eye(2) * (blocks.gyro_b[index] @ axis)
             residual = across @ gyro_residual[index] - design[:, tilt] @ state.value[tilt]
@@ -268,7 +268,7 @@ def linearise(
 
     seen = np.flatnonzero(blocks.still | (blocks.spin >= 0))
     own_accel, accel_b = _levelling(blocks, seen, sensor)
-    for position, index in enumerate(seen):
+    for position, index in enumerate(seen.tolist()):
         errors = np.zeros((3, p))
         if blocks.accel_b is not None:
             errors[:, COLUMNS["accel_bias"]] = np.eye(3)
@@ -348,11 +348,11 @@ def _levelling(blocks: Blocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple
     """Covariance (3 k, 3 k) and means (k, 3) of the specific force; level poses without an accelerometer."""
     if blocks.accel_b is not None:
         covariance = mean_covariance(sensor.accel, blocks.first[seen], blocks.last[seen], rate_hz=blocks.rate_hz)
-        return np.kron(covariance, np.eye(3)), blocks.accel_b[seen]
+        return np.kron(covariance, np.eye(3)).astype(float), blocks.accel_b[seen]
     place = np.where(blocks.spin[seen] >= 0, -1 - blocks.spin[seen], blocks.stretch[seen])
     same = (place[:, None] == place).astype(float)
     covariance = (LEVEL_SIGMA * STANDARD_GRAVITY) ** 2 * (same + 1e-4 * np.eye(len(seen)))
-    return np.kron(covariance, np.eye(3)), np.tile([0.0, 0.0, -STANDARD_GRAVITY], (len(seen), 1))
+    return np.kron(covariance, np.eye(3)).astype(float), np.tile([0.0, 0.0, -STANDARD_GRAVITY], (len(seen), 1))
 
 
 def _by_rows(vector: Array) -> Array:

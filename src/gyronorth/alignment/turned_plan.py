@@ -16,7 +16,7 @@ from gyronorth.alignment.turned_law import (
     prior,
     regular,
 )
-from gyronorth.alignment.turned_segments import Blocks, blocks_per_stretch
+from gyronorth.alignment.turned_segments import BLOCK_ANGLE, Blocks, blocks_per_stretch
 from gyronorth.earth import earth_rate_n
 from gyronorth.levelling import mat_bn
 from gyronorth.sensor import Sensor
@@ -81,7 +81,7 @@ def _ideal(
         yaw += [0.0] * per_stretch
         spent += still / (len(turns) + 1)
         if number < len(turns):
-            parts = max(1, int(np.ceil(abs(turns[number]) / (np.pi / 12))))
+            parts = max(1, int(np.ceil(abs(turns[number]) / BLOCK_ANGLE)))
             first += list(np.round((np.arange(parts) + 1) * turning / parts * rate_hz + spent * rate_hz).astype(int))
             stretch += [-1] * parts
             yaw += [turns[number] / parts] * parts

@@ -40,7 +40,7 @@ SHORTEST_SPIN = 20.0
 #: Rate across the axis of a spin over the rate about it, at most (root mean square).
 SPIN_WOBBLE = 0.03
 #: Largest rotation within a block of a turn, rad.
-BLOCK_ANGLE = 15 * DEG
+BLOCK_ANGLE = 30 * DEG
 #: Most blocks of one turn.
 MOST_BLOCKS = 400
 
@@ -74,7 +74,7 @@ class Turn:
 
     start: float  # s
     end: float  # s
-    angle: float  # rad, length of the integrated rotation with its full revolutions, about its main axis
+    angle: float  # rad about its main axis, with full revolutions; positive clockwise from above
     spin: bool
 
 
@@ -138,6 +138,7 @@ def _with_turns(gyro_b: Array, stretches: tuple[tuple[int, int], ...], rate_hz: 
             continue
         part = gyro_b[first:last]
         axis = part.sum(axis=0) / max(np.linalg.norm(part.sum(axis=0)), 1e-300)
+        axis = -axis if axis[2] < 0 else axis
         angle = float((part @ axis).sum() / rate_hz)
         spin = _is_spin(part, rate_hz)
         if inner or spin:
