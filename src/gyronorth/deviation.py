@@ -21,6 +21,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,6 +79,7 @@ class DeviationModel:
     settings: NDArray[np.float64]  # (k, 4) noise rad, curve rad, length (chord), coupling
     noise_variance: NDArray[np.float64]  # (k, n) of each recording after the outliers were weighed, rad^2
     noise_future: NDArray[np.float64]  # (k,) of a new recording, rad^2
+    sigma_elsewhere: float  # heading error of a bias like the set's in a direction unknown, rad
     unit: str | None = None  # the unit the recordings come from
     session: str | None = None  # the set or power-up session they come from
     duration: float | None = None  # of the recordings, s
@@ -94,7 +96,8 @@ class DeviationModel:
             fitted to is taken at the end of that range: there is no support further out.
         in_set : array_like of bool, shape (m,) or scalar
             Whether a recording belongs to the unit and set fitted to. Where not, the
-            correction is zero and sigma the error of the closed form in the set.
+            correction is zero, and sigma the heading error of a bias as large as the set's,
+            which may point north or east: of it, the error in the set is only one part.
 
         Returns
         -------
@@ -114,8 +117,7 @@ class DeviationModel:
         error = self.weight @ mean
         sigma = np.sqrt(self.weight @ (variance + (mean - error) ** 2))
         outside = ~np.broadcast_to(np.asarray(in_set, bool), error.shape)
-        sigma_outside = np.sqrt(np.mean(self.error**2) * (1 + 1 / len(self.error)))
-        return np.where(outside, 0.0, error), np.where(outside, sigma_outside, sigma)
+        return np.where(outside, 0.0, error), np.where(outside, self.sigma_elsewhere, sigma)
 
     def correct(
         self, heading: ArrayLike, surplus: ArrayLike, *, in_set: ArrayLike = True
@@ -151,7 +153,7 @@ def read_deviation(path: str | Path) -> DeviationModel:
         fields = json.loads(Path(path).read_text())
         if fields.pop("schema") != SCHEMA:
             raise KeyError("schema")
-        arrays = {k: np.asarray(v, float) if isinstance(v, list) else v for k, v in fields.items()}
+        arrays: dict[str, Any] = {k: np.asarray(v, float) if isinstance(v, list) else v for k, v in fields.items()}
         return DeviationModel(**arrays)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(
@@ -223,6 +225,7 @@ def fit_deviation(
         settings=settings,
         noise_variance=noise_variance,
         noise_future=_scatter_left_out(heading, surplus, error, settings, noise_variance),
+        sigma_elsewhere=_bias_scatter(heading, surplus, truth),
         unit=unit,
         session=session,
         duration=duration,
@@ -250,6 +253,13 @@ def fit_classical(heading: ArrayLike, heading_true: ArrayLike, *, at: ArrayLike)
 
 def _harmonics(angle: NDArray) -> NDArray:
     return np.stack([np.ones_like(angle), np.sin(angle), np.cos(angle), np.sin(2 * angle), np.cos(2 * angle)], axis=-1)
+
+
+def _bias_scatter(heading: NDArray, surplus: NDArray, truth: NDArray) -> float:
+    """Standard deviation per axis of the horizontal bias in the body frame, relative to Earth rate cos lat: rad."""
+    measured = (1 + surplus) * np.array([np.cos(heading), -np.sin(heading)])
+    bias = measured - np.array([np.cos(truth), -np.sin(truth)])
+    return float(np.sqrt(np.mean(bias.var(axis=1, ddof=1))))
 
 
 def _ensemble(prior: DeviationPrior, scale: float) -> tuple[NDArray, NDArray]:
@@ -317,7 +327,8 @@ def _evidence(
     variance, index = settings[:, :1] ** 2, np.arange(len(error))
     shape, shape_0 = (dof + 1) / 2, dof / 2
     signal = _covariance(heading, surplus, settings, np.zeros((len(settings), len(error))))
-    for _ in range(rounds):
+
+    def posterior(precision: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         noise = variance / precision
         covariance = signal.copy()
         covariance[:, index, index] += noise
@@ -325,10 +336,15 @@ def _evidence(
         weighted = inverse @ error
         # posterior mean square of error - f: squared residual plus posterior variance
         square = (noise * weighted) ** 2 + noise - noise**2 * inverse[:, index, index]
-        rate = shape_0 + square / variance / 2
-        used, precision = precision, shape / rate
-        if np.abs(precision / used - 1).max() < 1e-3:
+        return inverse, weighted, shape_0 + square / variance / 2
+
+    used = np.broadcast_to(precision, (len(settings), len(error)))
+    inverse, weighted, rate = posterior(used)
+    for _ in range(rounds - 1):
+        if np.abs(shape / rate / used - 1).max() < 1e-3:
             break
+        used = shape / rate
+        inverse, weighted, rate = posterior(used)
     divergence = (
         (shape - shape_0) * digamma(shape)
         - gammaln(shape)
@@ -338,6 +354,4 @@ def _evidence(
     )
     gaussian = -0.5 * (weighted @ error) + 0.5 * np.linalg.slogdet(inverse)[1]
     slack = 0.5 * (digamma(shape) - np.log(rate) - np.log(used)) - divergence
-    return np.broadcast_to(used, gaussian.shape + error.shape), gaussian + slack.sum(axis=1) - 0.5 * len(
-        error
-    ) * np.log(2 * np.pi)
+    return used, gaussian + slack.sum(axis=1) - 0.5 * len(error) * np.log(2 * np.pi)

@@ -146,7 +146,7 @@ _NONE = np.zeros(0, dtype=np.int64)
 
 def _sums(values: NDArray[np.float64], recording: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     _, which, counts = np.unique(np.asarray(recording), return_inverse=True, return_counts=True)
-    return np.bincount(which, values), counts
+    return np.bincount(which, values).astype(float), counts
 
 
 def _squares(error: ArrayLike, recording: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -59,12 +59,17 @@ class NoiseFit:
 
 @dataclass(frozen=True)
 class Twin:
-    """Levelled angular rate of the 60 recordings on one time grid."""
+    """Levelled angular rate of recordings of known heading on one time grid."""
 
-    gyro_l: Array  # (60, n, 3) rad/s
-    heading_true: Array  # (60,) rad
+    gyro_l: Array  # (m, n, 3) rad/s
+    heading_true: Array  # (m,) rad
     rate_hz: float
-    arw: float  # of the simulated noise, rad/sqrt(s)
+    arw: float  # of the noise, rad/sqrt(s)
+
+    @property
+    def duration(self) -> float:
+        """Length of each recording, s."""
+        return self.gyro_l.shape[1] / self.rate_hz
 
     def windows(self, duration: float) -> tuple[Array, Array, NDArray[np.int64]]:
         """Windows side by side from the start: rates (m, n, 3), true headings (m,), recordings (m,).
@@ -77,7 +82,7 @@ class Twin:
         samples = round(duration * self.rate_hz)
         count = self.gyro_l.shape[1] // samples if samples else 0
         if count == 0:
-            raise InputError(f"A window of {duration:g} s came in; 1 sample to {DURATION:g} s fit a recording.")
+            raise InputError(f"A window of {duration:g} s came in; 1 sample to {self.duration:g} s fit a recording.")
         parts = self.gyro_l[:, : count * samples].reshape(-1, samples, 3)
         recording = np.repeat(np.arange(len(self.gyro_l)), count)
         return parts, self.heading_true[recording], recording

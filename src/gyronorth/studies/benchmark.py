@@ -6,13 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gyronorth.recording import InputError
+from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
+from gyronorth.studies.paper_table_2 import TABLE_2
+from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
 from gyronorth.studies.published_transfer import TRANSFER
 from gyronorth.studies.study import Plan, Study, write_study
 from gyronorth.studies.work import executor_on, run_units
 
 DEFAULT = Plan()
-STUDIES: tuple[Study, ...] = (NOISE, LOO, ARC, SPLITS, TRANSFER)
+STUDIES: tuple[Study, ...] = (NOISE, LOO, ARC, SPLITS, TRANSFER, TABLE_2, SCALE, SWEEP, DURATION, SPREAD, *VARIANTS)
 
 
 def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
@@ -64,7 +67,7 @@ def run_benchmark(
     written = []
     with executor_on(scheduler, workers=workers) as executor:
         for study in studies_of(benchmark, only):
-            command = f"gyronorth benchmark {benchmark} --study {study.name} -o FOLDER"
+            command = f"gyronorth benchmark {benchmark} --study {study.name}{plan.options()} -o FOLDER"
             results = run_units(
                 study.units(plan),
                 folder,

@@ -11,7 +11,8 @@ from gyronorth.angles import DEG_PER_HOUR, angle_error
 from gyronorth.deviation import PRIORS, fit_classical, fit_deviation, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import Split
-from gyronorth.twin import DURATION, LATITUDE, Twin, model_based, published, published_twin
+from gyronorth.studies.source import recordings_of
+from gyronorth.twin import LATITUDE, Twin, model_based
 
 Array = NDArray[np.float64]
 
@@ -37,32 +38,28 @@ def north(rate: float) -> float:
     return rate / (EARTH_RATE * cos(LATITUDE))
 
 
-def bias_deviation() -> float:
-    """Standard deviation of the published residual horizontal bias per axis, rad/s."""
-    figures = published()
-    heading = figures.heading_true
+def bias_deviation(heading: Array, mean_rate: Array) -> float:
+    """Standard deviation of the residual horizontal bias per axis, rad/s, of true headings and mean rates."""
     expected = EARTH_RATE * cos(LATITUDE) * np.stack([np.cos(heading), -np.sin(heading)], axis=1)
-    return float((figures.mean_rate[:, :2] - expected).std(axis=0).mean())
+    return float((mean_rate[:, :2] - expected).std(axis=0).mean())
 
 
-def floor(duration: float, arw: float) -> float:
+def floor(recordings: Twin, duration: float) -> float:
     """Cramer-Rao floor with bias, rad: sqrt(arw^2 / T + bias^2) / (Earth rate cos lat), bias unlearnable."""
-    return north(float(np.sqrt(arw**2 / duration + bias_deviation() ** 2)))
+    bias = bias_deviation(recordings.heading_true, recordings.gyro_l.mean(axis=1))
+    return north(float(np.sqrt(recordings.arw**2 / duration + bias**2)))
 
 
-def twin_of(seed: int) -> Twin:
-    """The published twin of a seed at 3 Hz."""
-    return published_twin(rng=np.random.default_rng(seed))
-
-
-def judge_split(*, train: list[int], validation: list[int], test: list[int], seed: int) -> dict:
+def judge_split(
+    *, train: list[int], validation: list[int], test: list[int], seed: int, data: dict | None = None
+) -> dict:
     """Errors and sigmas, deg, of every method on the test recordings, whole and in 100 s windows.
 
     Learnt from the whole known recordings; a window's sigma includes the noise that the whole
     recording does not have.
     """
     split = Split(np.array(train, int), np.array(test, int), np.array(validation, int))
-    twin, known = twin_of(seed), split.known
+    twin, known = recordings_of(seed, data), split.known
     heading, truth = model_based(twin.gyro_l)[known], twin.heading_true[known]
     surplus = rate_surplus(twin.gyro_l.mean(axis=1), LATITUDE)[known]
     models = {name: fit_deviation(heading, surplus, truth, prior=PRIORS[key]) for name, key in DEVIATIONS.items()}
@@ -76,14 +73,14 @@ def judge_split(*, train: list[int], validation: list[int], test: list[int], see
         expected[CLASSICAL] = fit_classical(heading, truth, at=at)
         expected |= {name: model.predict(at, at_surplus) for name, model in models.items()}
         error = angle_error(at, true[tested])
-        extra = north(twin.arw) ** 2 * (1 / duration - 1 / DURATION)
+        extra = north(twin.arw) ** 2 * (1 / duration - 1 / twin.duration)
         return {
             "recording": recording[tested].tolist(),
             "error_deg": {k: _rounded(angle_error(error, e)) for k, (e, _) in expected.items()},
             "sigma_deg": {k: _rounded(np.sqrt(s**2 + extra)) for k, (_, s) in expected.items()},
         }
 
-    return {"whole": judge(DURATION), "windows": judge(WINDOW)}
+    return {"whole": judge(twin.duration), "windows": judge(WINDOW)}
 
 
 def _rounded(angle: Array) -> list[float]:

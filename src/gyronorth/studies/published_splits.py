@@ -17,15 +17,15 @@ from gyronorth.evaluation import (
     random_splits,
     share_of_wins,
 )
-from gyronorth.studies.methods import METHODS, MODEL_BASED, WINDOW, as_rad, floor, judge_split, twin_of
+from gyronorth.studies.methods import METHODS, MODEL_BASED, WINDOW, as_rad, floor, judge_split
+from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Plan, Study
 from gyronorth.studies.tables import Report, Table, degrees
 from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import DURATION, LONGEST_PRINTED, fit_noise, published
+from gyronorth.twin import LONGEST_PRINTED, fit_noise
 
 #: Headings next to each other that are left out.
 ARCS = (3, 5, 8)
-_LENGTHS = {"whole": DURATION, "windows": WINDOW}
 _WITHIN = (
     "Within set: known and tested recordings are of one unit and one set, in which the error is smooth in heading. "
     "The biases are real, the noise is simulated, and the set looks selected (one error of 60 below 2 deg). "
@@ -34,7 +34,8 @@ _WITHIN = (
 )
 
 
-def _units(splits: list[Split], name: str, seed: int) -> list[Unit]:
+def _units(splits: list[Split], name: str, plan: Plan) -> list[Unit]:
+    source = plan.source()
     return [
         Unit(
             f"{name}/{i:03d}",
@@ -43,7 +44,7 @@ def _units(splits: list[Split], name: str, seed: int) -> list[Unit]:
                 "train": split.train.tolist(),
                 "validation": split.validation.tolist(),
                 "test": split.test.tolist(),
-                "seed": seed,
+                **source,
             },
         )
         for i, split in enumerate(splits)
@@ -52,22 +53,22 @@ def _units(splits: list[Split], name: str, seed: int) -> list[Unit]:
 
 def loo_units(plan: Plan) -> list[Unit]:
     """Each recording tested once."""
-    return _units(leave_one_out(len(published().heading_true)), "loo", plan.seed)
+    return _units(leave_one_out(len(plan.recordings().heading_true)), "loo", plan)
 
 
 def arc_units(plan: Plan) -> list[Unit]:
     """Each arc of each size."""
-    heading = published().heading_true
-    return [unit for arc in ARCS for unit in _units(leave_arcs_out(heading, arc), f"arcs{arc}", plan.seed)]
+    heading = plan.recordings().heading_true
+    return [unit for arc in ARCS for unit in _units(leave_arcs_out(heading, arc), f"arcs{arc}", plan)]
 
 
 def split_units(plan: Plan) -> list[Unit]:
     """Random 24/4/6 splits; the methods without a network learn from training and validation together."""
     rng = np.random.default_rng([plan.seed, 1])
-    return _units(random_splits(len(published().heading_true), plan.splits, rng=rng), "splits", plan.seed)
+    return _units(random_splits(len(plan.recordings().heading_true), plan.splits, rng=rng), "splits", plan)
 
 
-def table_of(title: str, results: list[Result], length: str, seed: int) -> Table:
+def table_of(title: str, results: list[Result], length: str, plan: Plan) -> Table:
     """One row a method: pooled CRMSE, ratio to model-based, coverage, share of splits won."""
     parts = [result[length] for result in results]
     recording = np.concatenate([part["recording"] for part in parts])
@@ -81,13 +82,14 @@ def table_of(title: str, results: list[Result], length: str, seed: int) -> Table
         rows.append(
             (
                 method,
-                degrees(bootstrap_crmse(error, recording, rng=np.random.default_rng(seed))),
-                None if own else bootstrap_ratio(error, reference, recording, rng=np.random.default_rng(seed)),
-                coverage(error, sigma, recording, rng=np.random.default_rng(seed)),
+                degrees(bootstrap_crmse(error, recording, rng=np.random.default_rng(plan.seed))),
+                None if own else bootstrap_ratio(error, reference, recording, rng=np.random.default_rng(plan.seed)),
+                coverage(error, sigma, recording, rng=np.random.default_rng(plan.seed)),
                 None if own else share_of_wins(errors, references),
             )
         )
-    bound = floor(_LENGTHS[length], fit_noise().arw)
+    recordings = plan.recordings()
+    bound = floor(recordings, WINDOW if length == "windows" else recordings.duration)
     note = (
         f"{len(recording)} tests of {len(np.unique(recording))} recordings in {len(parts)} folds. "
         f"Cramer-Rao floor for a bias that cannot be learnt: {np.degrees(bound):.2f} deg; what lies below has used "
@@ -101,8 +103,8 @@ def _report(name: str, label: str) -> Callable[[Plan, Mapping[str, Result]], Rep
     def report(plan: Plan, results: Mapping[str, Result]) -> Report:
         mine = [results[key] for key in sorted(results) if key.startswith(f"{name}/")]
         tables = (
-            table_of(f"{label}, whole recordings of {DURATION:g} s", mine, "whole", plan.seed),
-            table_of(f"{label}, windows of {WINDOW:g} s", mine, "windows", plan.seed),
+            table_of(f"{label}, whole recordings", mine, "whole", plan),
+            table_of(f"{label}, windows of {WINDOW:g} s", mine, "windows", plan),
         )
         return Report(_WITHIN, tables)
 
@@ -113,8 +115,8 @@ def _arc_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     tables = []
     for arc in ARCS:
         mine = [results[key] for key in sorted(results) if key.startswith(f"arcs{arc}/")]
-        tables.append(table_of(f"Arcs of {arc} headings left out, whole recordings", mine, "whole", plan.seed))
-        tables.append(table_of(f"Arcs of {arc} headings left out, windows of {WINDOW:g} s", mine, "windows", plan.seed))
+        tables.append(table_of(f"Arcs of {arc} headings left out, whole recordings", mine, "whole", plan))
+        tables.append(table_of(f"Arcs of {arc} headings left out, windows of {WINDOW:g} s", mine, "windows", plan))
     text = _WITHIN + " Each of the 60 possible arcs is left out once: every recording is tested at every place in it."
     return Report(text, tuple(tables))
 
@@ -145,7 +147,7 @@ def noise_curve(*, durations: list[float], seed: int) -> dict:
     """Model-based CRMSE of the twin over windows of each duration, deg."""
     from gyronorth.twin import duration_curve
 
-    curve = duration_curve(twin_of(seed), np.array(durations))
+    curve = duration_curve(recordings_of(seed), np.array(durations))
     return {"duration": durations, "crmse_deg": np.round(np.degrees(curve), 6).tolist()}
 
 

@@ -24,11 +24,16 @@ TESTED = 200
 _SIZES = (12, 24, 60)
 
 
+def _published_bias() -> float:
+    figures = published()
+    return bias_deviation(figures.heading_true, figures.mean_rate)
+
+
 def _simulated(count: int, rng: np.random.Generator) -> tuple[NDArray, NDArray, NDArray]:
     """Heading of the mean rate, its surplus and the true heading of recordings with random biases and white noise."""
     heading = rng.uniform(0, 2 * np.pi, count)
     rate = EARTH_RATE * cos(LATITUDE) * np.stack([np.cos(heading), -np.sin(heading)], axis=1)
-    spread = np.hypot(bias_deviation(), fit_noise().arw / np.sqrt(DURATION))
+    spread = np.hypot(_published_bias(), fit_noise().arw / np.sqrt(DURATION))
     rate = rate + spread * rng.standard_normal(rate.shape)
     return wrap_heading(np.arctan2(-rate[:, 1], rate[:, 0])), rate_surplus(rate, LATITUDE), heading
 
@@ -93,7 +98,7 @@ def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
     ]
     for key, label in (("declared", "said to be another"), ("undeclared", "taken for the same")):
         rows.append(_row(f"published curve on another set, {label}", [results[f"other_set/{key}"]], plan.seed))
-    bias = deg_per_hour(bias_deviation())
+    bias = deg_per_hour(_published_bias())
     text = (
         f"Simulated recordings of {DURATION:g} s with white noise and a bias of {bias:.2f} deg/h per axis drawn anew "
         "for each: nothing can be learnt, and the correction should do no harm. Then the curve of the published set on "

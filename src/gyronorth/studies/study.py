@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from gyronorth.recording import InputError
+from gyronorth.studies.source import described, recordings_of
 from gyronorth.studies.tables import Report
 from gyronorth.studies.work import Result, Unit, commit, data_sha256, write_json
+from gyronorth.twin import Twin
 
 SCHEMA = "gyronorth.study/1"
 
@@ -28,13 +30,27 @@ class Plan:
     splits: int = 200  # random 24/4/6 splits of the methods without a network
     network_splits: int = 10  # the same for the networks, each trained anew
     seeds: int = 3  # trainings of each variant of a network on its split
-    denoiser_epochs: int = 600  # at most; both stop early on validation
-    heading_epochs: int = 200  # at most
+    epochs: int | None = None  # of any training, at most; None: as the settings say
+    data: str | None = None  # folder of the public recordings; None: the published twin
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if name != "seed" and value < 1:
+            if name not in ("seed", "data") and value is not None and value < 1:
                 raise InputError(f"{name} is {value}; a positive number is expected.")
+
+    def source(self) -> dict[str, Any]:
+        """The arguments of a unit that say which recordings it is about."""
+        return {"seed": self.seed} if self.data is None else {"seed": self.seed, "data": described(self.data)}
+
+    def recordings(self) -> Twin:
+        """The recordings themselves."""
+        return recordings_of(**self.source())
+
+    def options(self) -> str:
+        """What differs from the defaults, as command line options."""
+        default = Plan()
+        changed = [(k, v) for k, v in vars(self).items() if v != getattr(default, k)]
+        return "".join(f" --{name.replace('_', '-')} {value}" for name, value in changed)
 
 
 @dataclass(frozen=True)
@@ -60,6 +76,7 @@ def write_study(study: Study, plan: Plan, results: Mapping[str, Result], folder:
         "data_sha256": data_sha256(),
         "command": command,
         "plan": asdict(plan),
+        "recordings": plan.source().get("data", "published twin"),
         "text": report.text,
         "tables": [table.to_json() for table in report.tables],
         "curves": report.curves,

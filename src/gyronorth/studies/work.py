@@ -108,7 +108,7 @@ def executor_on(scheduler: str | None, *, workers: int | None = None) -> Iterato
     except ImportError:
         raise InputError("--scheduler needs Dask, which is not installed. Install gyronorth[scale].") from None
     try:
-        client = Client(scheduler, timeout=10)
+        client = Client(scheduler, timeout=5)
     except (OSError, ValueError) as error:
         raise InputError(
             f"No Dask scheduler answers at {scheduler} ({error}). Start one or give its address."

@@ -1,0 +1,135 @@
+"""Figures of the studies, drawn from the JSON files that a benchmark leaves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from gyronorth.report.figures import BLUE, FAINT, GREEN, INK, PINK, RED, SETTINGS, write
+
+Study = dict[str, Any]
+
+#: Column of a table that a bar figure shows.
+_RATIO = "ratio to model-based"
+_COLOURS = (BLUE, RED, GREEN, PINK, FAINT)
+_STYLES = ("-", "--", "-.", ":", (0, (6, 2)))
+
+
+def write_study_figures(folder: str | Path, *, suffix: str = ".png") -> list[Path]:
+    """Draw every study found in a benchmark's folder beside its JSON file; give the files written."""
+    written = []
+    for path in sorted(Path(folder).glob("*.json")):
+        study = json.loads(path.read_text(encoding="utf-8"))
+        draw = FIGURES.get(study.get("study"))
+        if draw is None:
+            continue
+        target = path.with_suffix(suffix)
+        write(study_figure(study), target)
+        written.append(target)
+    return written
+
+
+def study_figure(study: Study) -> Figure:
+    """The figure of one study, from its JSON content."""
+    with mpl.rc_context(SETTINGS):
+        figure = Figure(figsize=(8.0, 4.4), layout="constrained")
+        FigureCanvasAgg(figure)
+        FIGURES[study["study"]](figure, study)
+    return figure
+
+
+def _noise(figure: Figure, study: Study) -> None:
+    axes = figure.subplots()
+    printed, twin = study["curves"]["printed"], study["curves"]["twin"]
+    fitted = [row[2] for row in study["tables"][0]["rows"]]
+    axes.plot(printed["duration"], printed["crmse_deg"], "o", color=RED, label="printed (another set)")
+    axes.plot(printed["duration"], fitted, "--", color=INK, label="fit: bias and white noise")
+    axes.plot(twin["duration"], twin["crmse_deg"], "-", color=BLUE, marker=".", label="the twin, 60 recordings")
+    axes.set(title=study["title"], xlabel="window (s)", ylabel="model-based CRMSE (deg)", xscale="log")
+    axes.legend()
+
+
+def _ratios(figure: Figure, study: Study) -> None:
+    """Ratio to the model-based CRMSE with its 95 % interval, one panel a table."""
+    tables = [table for table in study["tables"] if _RATIO in table["columns"]]
+    figure.set_size_inches(10.0, 0.6 + 2.3 * len(tables))
+    for axes, table in zip(figure.subplots(len(tables), 1, squeeze=False, sharex=True)[:, 0], tables, strict=True):
+        column = table["columns"].index(_RATIO)
+        rows = [(row[0], row[column]) for row in table["rows"] if isinstance(row[column], dict)]
+        _intervals(axes, rows)
+        axes.set_title(table["title"])
+    axes.set_xlabel("CRMSE, ratio to model-based, 95 % interval")
+
+
+def _intervals(axes: Axes, rows: Sequence[tuple[str, dict]]) -> None:
+    for place, (_, cell) in enumerate(rows):
+        axes.plot([cell["low"], cell["high"]], [place, place], color=BLUE, linewidth=3, alpha=0.45)
+        axes.plot(cell["value"], place, "o", color=BLUE)
+    axes.axvline(1.0, color=RED, linestyle="--", linewidth=1.2)
+    axes.set_yticks(range(len(rows)), [label for label, _ in rows])
+    axes.invert_yaxis()
+
+
+def _scale(figure: Figure, study: Study) -> None:
+    """The first window before and after the denoiser: x, normalised per sequence and, if it is finite, not at all."""
+    curves = {kind: study["curves"][kind] for kind in ("sequence", "none") if kind in study["curves"]}
+    panels = figure.subplots(1, max(len(curves), 1), squeeze=False)[0]
+    for axes, (kind, example) in zip(panels, curves.items(), strict=False):
+        for (name, samples), colour, style in zip(example.items(), (FAINT, BLUE), ("-", "-"), strict=True):
+            rate = np.array(samples)[:, 0]
+            axes.plot(np.arange(len(rate)) / 3, rate, color=colour, linestyle=style, linewidth=0.9, label=name)
+        axes.set(title=f"normalisation: {kind}", xlabel="time (s)", ylabel="rate about x (deg/h)")
+        axes.legend()
+
+
+def _t_back(figure: Figure, study: Study) -> None:
+    figure.set_size_inches(8.0, 6.5)
+    top, bottom = figure.subfigures(2, 1)
+    axes = top.subplots()
+    sweep = study["curves"]["sweep"]
+    for part, colour, style in zip(("train", "validation", "test"), _COLOURS, _STYLES, strict=False):
+        axes.plot([s["t_back"] for s in sweep], [s[part] for s in sweep], color=colour, linestyle=style, label=part)
+    axes.set(title="Fig. 6: CRMSE against t_back", xlabel="t_back", ylabel="CRMSE (deg)")
+    axes.legend()
+    histories = study["curves"]["training"]
+    panels = bottom.subplots(1, len(histories), sharey=True, squeeze=False)[0]
+    for panel, (t_back, history) in zip(panels, histories.items(), strict=True):
+        for key, colour, style in zip(("loss", "validation", "test"), _COLOURS, _STYLES, strict=False):
+            if key in history[0]:
+                values = [np.nan if entry[key] is None else entry[key] for entry in history]
+                label = {"loss": "train"}.get(key, key)
+                panel.plot(np.arange(1, len(values) + 1), values, color=colour, linestyle=style, label=label)
+        panel.set(title=f"Fig. 7: t_back {t_back}", xlabel="epoch", yscale="log")
+    panels[0].set_ylabel("CRMSE (deg)")
+    panels[0].legend()
+
+
+def _duration(figure: Figure, study: Study) -> None:
+    axes = figure.subplots()
+    curves = dict(study["curves"])
+    duration = curves.pop("duration")
+    for (label, values), colour, style in zip(curves.items(), (INK, *_COLOURS), ("-", *_STYLES), strict=False):
+        heights = [np.nan if value is None else value for value in values]
+        axes.plot(duration, heights, color=colour, linestyle=style, marker=".", label=label)
+    axes.set(title=study["title"], xlabel="duration (s)", ylabel="CRMSE (deg)")
+    axes.legend()
+
+
+FIGURES: dict[str, Callable[[Figure, Study], None]] = {
+    "noise": _noise,
+    "leave_one_out": _ratios,
+    "arcs": _ratios,
+    "splits": _ratios,
+    "table_2": _ratios,
+    "scale": _scale,
+    "t_back": _t_back,
+    "duration": _duration,
+}

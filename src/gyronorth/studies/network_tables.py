@@ -1,0 +1,85 @@
+"""Rows of tables from trained networks: pooled errors over splits and seeds with their intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.angles import cyclic_rmse
+from gyronorth.evaluation import Interval, bootstrap_crmse, bootstrap_ratio, share_of_wins
+from gyronorth.studies.networks import PARTS
+from gyronorth.studies.tables import degrees
+from gyronorth.studies.work import Result
+
+#: Columns of `network_row`.
+COLUMNS = (
+    "variant",
+    "train, deg",
+    "validation, deg",
+    "test, deg",
+    "test, ratio to model-based",
+    "splits won",
+    "epochs",
+)
+DIVERGED = "diverged"
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Errors of a method and of the model-based heading on one part of all trainings together, rad."""
+
+    error: list[NDArray[np.float64]]  # one array a training
+    reference: list[NDArray[np.float64]]
+    recording: NDArray[np.int64]
+
+    @property
+    def finite(self) -> bool:
+        """Whether every training gave headings."""
+        return all(np.isfinite(e).all() for e in self.error)
+
+    def crmse(self, seed: int) -> Interval:
+        """Pooled CRMSE, deg."""
+        return degrees(bootstrap_crmse(np.concatenate(self.error), self.recording, rng=np.random.default_rng(seed)))
+
+    def ratio(self, seed: int) -> Interval:
+        """Pooled CRMSE over that of the model-based heading."""
+        error, reference = np.concatenate(self.error), np.concatenate(self.reference)
+        return bootstrap_ratio(error, reference, self.recording, rng=np.random.default_rng(seed))
+
+    def wins(self) -> float:
+        """Share of the trainings that beat the model-based heading."""
+        return share_of_wins(self.error, self.reference)
+
+
+def pooled(results: Sequence[Result], part: str, key: str = "error_deg") -> Pooled:
+    """All trainings together; `part` is train, validation or test."""
+    parts = [result[part] for result in results]
+    return Pooled(
+        [np.radians(np.array(p[key], float)) for p in parts],
+        [np.radians(np.array(p["model_based_deg"], float)) for p in parts],
+        np.concatenate([p["recording"] for p in parts]),
+    )
+
+
+def network_row(label: str, results: Sequence[Result], seed: int) -> tuple:
+    """One row: CRMSE on the three parts, ratio on test, splits won, epochs of the chosen weights."""
+    by_part = {part: pooled(results, part) for part in PARTS}
+    if not all(one.finite for one in by_part.values()):
+        return (label, DIVERGED, DIVERGED, DIVERGED, None, None, _epochs(results))
+    single = [float(np.degrees(cyclic_rmse(np.concatenate(by_part[part].error)))) for part in PARTS[:2]]
+    test = by_part["test"]
+    return (label, *single, test.crmse(seed), test.ratio(seed), test.wins(), _epochs(results))
+
+
+def spread(results: Sequence[Result], part: str = "test") -> tuple[float, float]:
+    """Mean and standard deviation over trainings of the CRMSE on a part, deg."""
+    each = np.degrees([cyclic_rmse(e) for e in pooled(results, part).error])
+    return float(each.mean()), float(each.std(ddof=1)) if len(each) > 1 else 0.0
+
+
+def _epochs(results: Sequence[Result]) -> str:
+    best = sorted(result["best_epoch"] for result in results)
+    return f"{best[0]} to {best[-1]}" if best[0] != best[-1] else str(best[0])

@@ -1,0 +1,242 @@
+"""Units of work that train the networks: a denoiser, and a heading network on one split of the twin.
+
+A variant is what differs from the paper's settings, a nested dict in the names of the YAML
+file: {"heading": {"dropout": 0.2}}. Every choice of an epoch is made on validation; the test
+recordings are looked at after.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.evaluation import Split, random_splits
+from gyronorth.studies.methods import WINDOW
+from gyronorth.studies.source import recordings_of
+from gyronorth.studies.study import Plan
+from gyronorth.studies.work import Result, Unit
+from gyronorth.twin import LATITUDE, Twin, model_based
+
+if TYPE_CHECKING:
+    from gyronorth.learn.data import HeadingSet, TrainingData
+    from gyronorth.learn.settings import Settings
+    from gyronorth.learn.stages import TrainedDenoiser
+
+PARTS = ("train", "validation", "test")
+Variant = Mapping[str, Any]
+
+#: The earlier baseline: no denoiser, dropout or decay, other rate and batch (`learn.settings.baseline`).
+BASELINE: Variant = {
+    "heading": {
+        "dropout": 0.0,
+        "denoised": False,
+        "rate": 0.0015,
+        "rate_end": None,
+        "batch": 100,
+        "epochs": 500,
+        "patience": 100,
+    }
+}
+PAPER: Variant = {}
+WITHOUT_DENOISER: Variant = {"heading": {"denoised": False}}
+
+
+def splits_of(plan: Plan, count: int) -> list[Split]:
+    """The first splits of the study of random splits: networks and other methods see the same."""
+    rng = np.random.default_rng([plan.seed, 1])
+    return random_splits(len(plan.recordings().heading_true), count, rng=rng)
+
+
+def denoiser_unit(variant: Variant, plan: Plan, *, seed: int, split: Split | None = None) -> Unit:
+    """Train the denoiser of a variant; of two variants that differ elsewhere only, the same unit.
+
+    Its clean data are the synthetic set, or with `split` its noisy real recordings.
+    """
+    about = {k: v for k, v in variant.items() if k not in ("heading", "sampler")}
+    settings = _merged({"seed": seed, "denoiser": _capped({}, plan)}, about)
+    arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed, "real": None}
+    if split is not None:
+        arguments |= {"real": _split_json(split), **plan.source()}
+    return Unit(f"denoiser/{_digest(arguments)}", train_denoiser_unit, arguments)
+
+
+def heading_unit(
+    variant: Variant, plan: Plan, split: Split, *, seed: int, denoiser: Unit | None = None, duration: float = WINDOW
+) -> Unit:
+    """Train the heading network of a variant on a split; its denoiser is trained before, once for all seeds."""
+    default = {"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}
+    settings = _merged(default, variant)
+    if plan.epochs is not None:
+        settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
+    needs: tuple[Unit, ...] = ()
+    if settings["heading"].get("denoised", True):
+        of_length = variant if duration == WINDOW else {**variant, "samples": round(3 * duration)}
+        needs = (denoiser or denoiser_unit(of_length, plan, seed=plan.seed),)
+    arguments = {"settings": settings, "split": _split_json(split), **plan.source()}
+    named = {"arguments": arguments, "needs": [need.name for need in needs]}
+    return Unit(f"network/{_digest(named)}", train_heading_unit, arguments, needs)
+
+
+def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: dict | None = None) -> Result:
+    """Train a denoiser; its weights, its history, and its error on the synthetic test set."""
+    from gyronorth.learn.settings import Settings
+    from gyronorth.learn.stages import denoiser_data, train_denoiser
+
+    checked = Settings.model_validate(settings)
+    clean = None
+    if real is not None:
+        parts = split_data(real, recordings_of(seed, data), checked)
+        clean = (parts.train, parts.validation)
+    trained = train_denoiser(checked, clean)
+    finite = bool(np.isfinite(trained.progress.best))
+    result: Result = {
+        "settings": checked.model_dump(mode="json"),
+        "normalisation": vars(trained.normalisation),
+        "epochs": trained.progress.epoch,
+        "best_epoch": trained.progress.best_epoch,
+        "validation_loss": _number(trained.progress.best),
+        "history": _history(trained.progress.history),
+        "diverged": not finite or not all(np.isfinite(h["loss"]) for h in trained.progress.history),
+        "weights": _pack({k: v.numpy() for k, v in trained.network.state_dict().items()}),
+    }
+    result["test"] = denoiser_error(trained, denoiser_data(checked)[2], seed=seed)
+    return result
+
+
+def train_heading_unit(*needs: Result, settings: dict, split: dict, seed: int, data: dict | None = None) -> Result:
+    """Train a heading network on a split of the twin; headings of all parts after training."""
+    from gyronorth.learn.settings import Settings
+    from gyronorth.learn.stages import train_heading
+
+    checked = Settings.model_validate(settings)
+    parts = split_data(split, recordings_of(seed, data), checked)
+    denoiser = rebuilt(needs[0], checked) if needs else None
+    trained = train_heading(checked, parts, denoiser)
+    result: Result = {
+        "epochs": trained.progress.epoch,
+        "best_epoch": trained.progress.best_epoch,
+        "history": _history(trained.progress.history),
+    }
+    for name in PARTS:
+        part = getattr(parts, name)
+        cleaned = part.gyro_l if denoiser is None else denoiser.clean(part.gyro_l)
+        result[name] = {
+            "recording": part.recording.tolist(),
+            "error_deg": _degrees(angle_error(trained.headings_of_clean(cleaned), part.heading)),
+            "model_based_deg": _degrees(angle_error(model_based(part.gyro_l), part.heading)),
+            "denoised_mean_deg": _degrees(angle_error(model_based(cleaned), part.heading)),
+        }
+    return result
+
+
+def split_data(split: dict, recordings: Twin, settings: Settings) -> TrainingData:
+    """The first window of each recording, in the parts of a split (IV-A: one of 100 s each)."""
+    from gyronorth.learn.data import HeadingSet, TrainingData
+
+    gyro_l, heading, recording = recordings.windows(settings.samples / recordings.rate_hz)
+    first = np.unique(recording, return_index=True)[1]
+    whole = HeadingSet(gyro_l[first], heading[first], recording[first])
+    parts = [whole.rows(split[name]) for name in PARTS]
+    return TrainingData(parts[0], parts[1], test=parts[2], latitude=LATITUDE)
+
+
+def rebuilt(result: Result, settings: Settings) -> TrainedDenoiser:
+    """The denoiser of a unit's result, with the sampler of other settings."""
+    import torch
+
+    from gyronorth.alignment.diffusion import Normalisation
+    from gyronorth.learn.denoiser import Denoiser
+    from gyronorth.learn.settings import Settings
+    from gyronorth.learn.stages import TrainedDenoiser
+    from gyronorth.learn.training import Progress
+
+    own = Settings.model_validate(result["settings"])
+    part = own.denoiser
+    network = Denoiser(
+        layout=own.layout, samples=own.samples, layers=part.layers, hidden=part.hidden, embedding=part.embedding
+    )
+    network.load_state_dict({k: torch.from_numpy(v) for k, v in _unpack(result["weights"]).items()})
+    progress = Progress(best_epoch=result["best_epoch"], finished=True)
+    return TrainedDenoiser(network, settings, Normalisation(**result["normalisation"]), progress)
+
+
+def denoiser_error(trained: TrainedDenoiser, test: HeadingSet, *, seed: int) -> dict:
+    """Error of the predicted noise on clean test data noised by eq:17, and of the heading before and after.
+
+    The noise prediction is scored against predicting zero, at several steps. The heading is
+    that of the time mean, with noise up to the last step T, and after the paper's chain.
+    """
+    from gyronorth.learn.denoiser import predictor
+
+    rng = np.random.default_rng([seed, 7])
+    schedule, normalisation = trained.settings.schedule, trained.normalisation
+    mean, std = normalisation.moments(test.gyro_l)
+    clean = (test.gyro_l - mean) / std
+    predict = predictor(trained.network, batch=trained.settings.denoiser.batch)
+    steps = [1, 250, 500, 750, 950, 1000]
+    share = []
+    for t in steps:
+        noise = rng.standard_normal(clean.shape)
+        x = np.sqrt(schedule.alpha_bar[t]) * clean + np.sqrt(1 - schedule.alpha_bar[t]) * noise
+        share.append(float(np.mean((predict(x.astype(np.float32), t) - noise) ** 2)))
+    noised = clean + schedule.noise_ratio[-1] * rng.standard_normal(clean.shape)
+    gyro = noised * std + mean
+    before = angle_error(model_based(gyro), test.heading)
+    after = angle_error(model_based(trained.clean(gyro)), test.heading)
+    return {
+        "step": steps,
+        "noise_error_share": [_number(s) for s in share],
+        "heading_before_deg": _number(float(np.degrees(cyclic_rmse(before)))),
+        "heading_after_deg": _number(float(np.degrees(cyclic_rmse(after)))),
+    }
+
+
+def _capped(section: dict, plan: Plan) -> dict:
+    return section if plan.epochs is None else {**section, "epochs": plan.epochs}
+
+
+def _merged(base: Mapping, change: Mapping) -> dict:
+    out = dict(base)
+    for key, value in change.items():
+        out[key] = _merged(out.get(key, {}), value) if isinstance(value, Mapping) else value
+    return out
+
+
+def _split_json(split: Split) -> dict:
+    return {name: np.sort(getattr(split, name)).tolist() for name in PARTS}
+
+
+def _digest(content: object) -> str:
+    import hashlib
+
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _history(history: list[dict[str, float]]) -> list[dict[str, float | None]]:
+    return [{k: _number(v) for k, v in entry.items()} for entry in history]
+
+
+def _number(value: float) -> float | None:
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def _degrees(angle: NDArray) -> list[float | None]:
+    return [_number(v) for v in np.degrees(angle)]
+
+
+def _pack(arrays: dict[str, NDArray]) -> str:
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _unpack(text: str) -> dict[str, NDArray]:
+    with np.load(io.BytesIO(base64.b64decode(text))) as stored:
+        return {name: stored[name] for name in stored.files}
