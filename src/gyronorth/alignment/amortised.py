@@ -41,6 +41,8 @@ BUMP_CHI2, ROUNDS = 26.0, 3
 FINER, MOST = ((0.15, 7), (0.01, 3), (1e-4, 1)), 44
 #: The mean squared residual scatters by sqrt(2 / its number): beyond so many of these the law does not hold.
 EXCESS_SIGMA = 4.0
+#: Share of the samples left out above which the law does not hold either: these are not bumps.
+MOST_BUMPED = 0.2
 #: Models less likely than this are left out of the average.
 NEGLIGIBLE = 1e-5
 #: Models less likely than the best by this in the logarithm are not looked at: what is known of the constant
@@ -109,9 +111,10 @@ def amortised(
     models = evidence(known, seen, log_prior)
     free = 3 * int((~masked).sum())
     excess = float(np.sum(_residual(known, gyro_l, seen, models)[~masked] ** 2)) / free
-    fits = excess <= 1 + EXCESS_SIGMA * np.sqrt(2 / free)
-    if not fits:
+    law_holds = excess <= 1 + EXCESS_SIGMA * np.sqrt(2 / free)
+    if not law_holds:
         models = evidence(known, seen, log_prior, scale=float(np.sqrt(excess)))
+    fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
     return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
 

@@ -27,14 +27,14 @@ Mask = NDArray[np.bool_]
 #: Kinds of recording: prior probability, probability of a bump in it, whether its bias settles, and
 #: probabilities of no, one and two tones.
 KINDS = (
-    (0.50, 0.6, True, (0.09, 0.42, 0.49)),  # the reference mix
-    (0.20, 0.0, False, (1.0, 0.0, 0.0)),  # quiet
-    (0.10, 0.0, True, (1.0, 0.0, 0.0)),  # warm-up alone
-    (0.10, 0.0, False, (0.0, 0.3, 0.7)),  # sway alone
-    (0.10, 1.0, False, (0.8, 0.1, 0.1)),  # bumps
+    (0.36, 0.6, True, (0.09, 0.42, 0.49)),  # the reference mix
+    (0.50, 0.0, False, (1.0, 0.0, 0.0)),  # quiet
+    (0.02, 0.0, True, (1.0, 0.0, 0.0)),  # warm-up alone
+    (0.04, 0.0, False, (0.0, 0.3, 0.7)),  # sway alone
+    (0.08, 1.0, False, (0.8, 0.1, 0.1)),  # bumps
 )
-#: Walking bias: probability, rate at the end of the recording (one standard deviation), rad/s, and the
-#: number of its Karhunen-Loeve modes, which hold 97 % of its variance.
+#: Walking bias: probability, rate at the end of the recording (one standard deviation), rad/s, and how many of its
+#: Karhunen-Loeve modes are taken: its slow part, 97 % of its variance.
 WALK, WALK_RATE, WALK_MODES = 0.02, 3 * DEG_PER_HOUR, 6
 
 #: The entries of the symmetric 4 x 4 matrix of the constant and the three axes that are needed:

@@ -74,9 +74,7 @@ def draw_batch(settings: DisturbedSettings, size: int, *, samples: int, rng: np.
     draw = Draw(size, edges, rng)
     frequency = np.stack([draw.log_uniform(0.008, 0.3) for _ in range(2)], axis=1)
     present = rng.random((size, 2)) < 0.7
-    angle = sum(
-        draw.sine(draw.half_normal(0.002 * DEG) * present[:, [i]], frequency[:, i]) for i in range(2)
-    )
+    angle = sum(draw.sine(draw.half_normal(0.002 * DEG) * present[:, [i]], frequency[:, i]) for i in range(2))
     struck = draw.bumps(0)
     if rng.random() < settings.knocks:
         struck = struck + draw.knocks(0)
@@ -214,7 +212,10 @@ def make_bundle(
         proposal=ProposalPart(sha256=checksum(part / "proposal.onnx")),
         training=json.loads(json.dumps(asdict(settings))),
         metrics={"epochs": float(progress.epoch), "validation_loss": progress.best},
-        provenance={"torch": torch.__version__, "data": "synthetic: gyronorth.disturbance, drawn afresh for each batch"},
+        provenance={
+            "torch": torch.__version__,
+            "data": "synthetic: gyronorth.disturbance, drawn afresh for each batch",
+        },
     )
     (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
     scale, metrics = calibrated_scale(part, settings)

@@ -37,9 +37,7 @@ class Proposal(nn.Module):
             _convolution(hidden_time, 1, 3),
         )
         self.enter = _convolution(18, hidden, 5)
-        self.blocks = nn.ModuleList(
-            _convolution(hidden, hidden, 5, dilation) for dilation in (1, 2, 4, 8, 16, 1)
-        )
+        self.blocks = nn.ModuleList(_convolution(hidden, hidden, 5, dilation) for dilation in (1, 2, 4, 8, 16, 1))
         self.leave = nn.Conv1d(hidden, 1, 1)
 
     def forward(self, rate: Tensor, index: Tensor, cycles: Tensor) -> tuple[Tensor, Tensor]:
