@@ -100,7 +100,7 @@ def drawn(kind: str, times: Array, *, runs: int, rng: np.random.Generator) -> tu
     """
     if kind not in (*KINDS, *HELD_OUT):
         raise ValueError(f"disturbance is {kind!r}; one of {', '.join((*KINDS, *HELD_OUT))} is expected.")
-    angle, bias_angle = _KINDS[kind](_Draw(runs, times, rng))
+    angle, bias_angle = _KINDS[kind](Draw(runs, times, rng))
     shape = (runs, len(times), 3)
     return np.broadcast_to(angle, shape), np.broadcast_to(bias_angle, shape)
 
@@ -129,7 +129,7 @@ def draw_disturbance(
 
 
 @dataclass(frozen=True)
-class _Draw:
+class Draw:
     """Draws of single disturbances: angles, or integrals of biases, (runs, k, 3) at the times."""
 
     runs: int
@@ -205,7 +205,7 @@ class _Draw:
 
 
 #: kind -> (angle, integral of the settling bias)
-_KINDS: dict[str, Callable[[_Draw], tuple[Array | float, Array | float]]] = {
+_KINDS: dict[str, Callable[[Draw], tuple[Array | float, Array | float]]] = {
     "quiet": lambda draw: (0.0, 0.0),
     "sway": lambda draw: (draw.tones((1.0, 0.7)), 0.0),
     "shock": lambda draw: (draw.bumps(1) + draw.knocks(1), 0.0),

@@ -93,7 +93,7 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
         and the turn-on bias is averaged over `UNKNOWN_BIAS`.
     """
     gyro_l = np.asarray(gyro_l, dtype=float)
-    known = errors if errors is not None else TriadErrors(white=_white(gyro_l) / np.sqrt(rate_hz))
+    known = errors if errors is not None else TriadErrors(white=white_of(gyro_l) / np.sqrt(rate_hz))
     biases = (known.turn_on_bias,) if errors is not None else UNKNOWN_BIAS
     grid = _grid(len(gyro_l), rate_hz, known)
     masked = _first_mask(gyro_l)
@@ -109,7 +109,7 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
     return _conclude(grid, gyro_l, masked, found, latitude, biases)
 
 
-def _white(gyro_l: Array) -> float:
+def white_of(gyro_l: Array) -> float:
     """Noise of a sample from second differences, which slow motion does not reach: rad/s."""
     second = np.diff(gyro_l, n=2, axis=0)
     return float(max(1.4826 * np.median(np.abs(second)) / np.sqrt(6), 1e-12))

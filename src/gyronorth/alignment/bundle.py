@@ -31,7 +31,8 @@ class Domain(Strict):
     """What the bundle was trained for; `None` means any."""
 
     rate_hz: Positive  # rate of the network's input, Hz; a faster recording is decimated to it
-    samples: Annotated[int, Field(gt=0)]  # length of the window in samples
+    samples: Annotated[int, Field(gt=0)]  # length of the window in samples; the shortest one if there are several
+    longest_samples: Annotated[int, Field(gt=0)] | None = None  # the longest window, where any length between will do
     latitude_deg: float | None = None
     latitude_tolerance_deg: Positive = 2.0
     sensor: str | None = None  # sensor class: the name of a profile
@@ -64,6 +65,14 @@ class HeadingPart(Strict):
     output: Literal["degrees", "cos_sin"] = "degrees"
 
 
+class ProposalPart(Strict):
+    """`proposal.onnx`: bumps and frequencies of tones, which `gyronorth.alignment.amortised` weighs."""
+
+    file: str = "proposal.onnx"
+    sha256: str
+    sigma_scale: Positive = 1.0  # sigma and interval are widened by this: calibrated on validation recordings
+
+
 class Bundle(Strict):
     """The contents of `bundle.json`."""
 
@@ -73,6 +82,7 @@ class Bundle(Strict):
     domain: Domain
     denoiser: DenoiserPart | None = None
     heading: HeadingPart | None = None
+    proposal: ProposalPart | None = None
     training: dict[str, Any] = {}  # the settings it was trained with
     data_sha256: dict[str, str] = {}  # of the training and validation arrays
     metrics: dict[str, float | None] = {}  # in degrees where the name says so
@@ -109,7 +119,7 @@ def read_bundle(folder: str | Path) -> Bundle:
             f"{path}: {where}: {first['msg']} (got {str(first['input'])[:60]!r}). "
             f"A bundle of schema {SCHEMA} is expected; train it again with this version of gyronorth."
         ) from None
-    for part in (bundle.denoiser, bundle.heading):
+    for part in (bundle.denoiser, bundle.heading, bundle.proposal):
         if part is not None and checksum(_inside(folder, part.file)) != part.sha256:
             raise InputError(
                 f"{folder / part.file} does not match its checksum in bundle.json: "
@@ -167,7 +177,7 @@ def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Mismatch]:
     """Every way in which the recording does not fit the bundle; empty if it fits."""
     domain = bundle.domain
     found: list[Mismatch] = []
-    if bundle.heading is None:
+    if bundle.heading is None and bundle.proposal is None:
         found.append(Mismatch("the bundle holds a denoiser only and gives no heading", None, None))
     if facts.rate_hz < domain.rate_hz * (1 - 1e-9):
         text = f"the recording's rate of {facts.rate_hz:g} Hz is below the bundle's {domain.rate_hz:g} Hz"

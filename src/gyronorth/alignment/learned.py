@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gyronorth.alignment.amortised import Amortised, Propose, amortised
 from gyronorth.alignment.bundle import Bundle, Mismatch, RecordingFacts, mismatch, read_bundle
 from gyronorth.alignment.diffusion import Predict, denoise, white_noise
 from gyronorth.angles import wrap_heading
 from gyronorth.earth import EARTH_RATE
 from gyronorth.recording import InputError
+from gyronorth.sensor import TriadErrors
+from gyronorth.uncertainty import SIGMA_UNKNOWN
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -27,6 +30,7 @@ class LoadedBundle:
     info: Bundle
     denoiser: InferenceSession | None
     heading: InferenceSession | None
+    proposal: InferenceSession | None = None
 
 
 def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
@@ -57,6 +61,7 @@ def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
         info,
         None if info.denoiser is None else session(info.denoiser.file),
         None if info.heading is None else session(info.heading.file),
+        None if info.proposal is None else session(info.proposal.file),
     )
 
 
@@ -80,7 +85,7 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
     with the size of a batch, by more than the 1e-5 deg to which a heading must not depend on it.
     """
     if bundle.heading is None or bundle.info.heading is None:
-        raise InputError(f"The bundle {bundle.name} holds a denoiser only; it gives no heading.")
+        raise InputError(f"The bundle {bundle.name} holds no heading network; it gives no heading.")
     rate = clean(bundle, gyro_l) / EARTH_RATE
     if len(rate) == 0:
         return np.zeros(0)
@@ -91,13 +96,82 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
 def last_window(bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float) -> NDArray[np.float64]:
     """The last window of gyro_l (..., n, 3) at `rate_hz`, averaged down to the bundle's rate: (..., samples, 3).
 
-    The recording must fit (`bundle.mismatch`); gyro_l stays in its unit.
+    Where the bundle takes windows of several lengths, the longest that there is. The recording must fit
+    (`bundle.mismatch`); gyro_l stays in its unit.
     """
     from gyronorth.conditioning import decimate
 
     domain = bundle.info.domain
     slow = decimate(gyro_l, rate_hz=rate_hz, to_hz=min(domain.rate_hz, rate_hz))
-    return slow[..., -domain.samples :, :]
+    return slow[..., -(domain.longest_samples or domain.samples) :, :]
+
+
+@dataclass(frozen=True)
+class LearnedHeadings:
+    """Headings under disturbance, arrays over recordings."""
+
+    heading: NDArray[np.float64]  # rad in [0, 2 pi)
+    sigma: NDArray[np.float64]  # rad
+    low: NDArray[np.float64]  # ends of the 95 % interval, rad from `heading`
+    high: NDArray[np.float64]
+    fits: NDArray[np.bool_]  # False where the disturbance is of no kind that was learned; sigma is widened there
+    found: tuple[Amortised, ...]  # what was found in each, before sigma was calibrated
+
+
+def solve(
+    bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadErrors | None
+) -> LearnedHeadings:
+    """Headings of disturbed recordings by the proposals of a network and closed-form evidence.
+
+    Parameters
+    ----------
+    bundle : LoadedBundle
+        One with a proposal network, such as the `learned` one that ships.
+    gyro_l : array_like, shape (n, samples, 3)
+        Angular rate in the level frame, rad/s; a rate above the bundle's is averaged down, and of what is longer
+        than its longest window the end is used.
+    rate_hz : float
+        Sample rate, Hz.
+    latitude : float
+        Geodetic latitude, rad.
+    errors : TriadErrors, optional
+        Error terms of the gyro; see `amortised`.
+
+    Notes
+    -----
+    Recordings go one by one, so that none depends on those beside it.
+    """
+    if bundle.proposal is None or bundle.info.proposal is None:
+        raise InputError(f"The bundle {bundle.name} holds no proposal network; it is none for the method learned.")
+    window = last_window(bundle, gyro_l, rate_hz=rate_hz)
+    if window.ndim != 3 or window.shape[1] < bundle.info.domain.samples or window.shape[2] != 3:
+        raise InputError(
+            f"gyro_l has shape {np.shape(gyro_l)} at {rate_hz:g} Hz; (n, samples, 3) with at least "
+            f"{bundle.info.domain.window:g} s is expected by {bundle.name}."
+        )
+    slow, propose = min(bundle.info.domain.rate_hz, rate_hz), onnx_proposals(bundle.proposal)
+    found = tuple(amortised(one, propose, rate_hz=slow, latitude=latitude, errors=errors) for one in window)
+    scale = bundle.info.proposal.sigma_scale
+    return LearnedHeadings(
+        heading=np.array([one.heading for one in found]),
+        sigma=np.minimum([one.sigma * scale for one in found], SIGMA_UNKNOWN),
+        low=np.maximum([one.low * scale for one in found], -np.pi),
+        high=np.minimum([one.high * scale for one in found], np.pi),
+        fits=np.array([one.fits for one in found], dtype=bool),
+        found=found,
+    )
+
+
+def onnx_proposals(session: InferenceSession) -> Propose:
+    """The proposals of an exported network."""
+
+    def propose(
+        rate: NDArray[np.float32], index: NDArray[np.float32], cycles: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        bump, tone = session.run(None, {"rate": rate[None], "index": index, "cycles": cycles})
+        return cast("NDArray[np.float64]", bump)[0], cast("NDArray[np.float64]", tone)[0]
+
+    return propose
 
 
 def misfits(

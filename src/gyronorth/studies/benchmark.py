@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gyronorth.recording import InputError
+from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
@@ -15,7 +16,20 @@ from gyronorth.studies.study import Plan, Study, write_study
 from gyronorth.studies.work import executor_on, run_units
 
 DEFAULT = Plan()
-STUDIES: tuple[Study, ...] = (NOISE, LOO, ARC, SPLITS, TRANSFER, TABLE_2, SCALE, SWEEP, DURATION, SPREAD, *VARIANTS)
+STUDIES: tuple[Study, ...] = (
+    NOISE,
+    LOO,
+    ARC,
+    SPLITS,
+    TRANSFER,
+    TABLE_2,
+    SCALE,
+    SWEEP,
+    DURATION,
+    SPREAD,
+    *VARIANTS,
+    DISTURBED,
+)
 
 
 def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
@@ -52,7 +66,7 @@ def run_benchmark(
     Parameters
     ----------
     benchmark : str
-        `paper` or `published`.
+        `paper`, `published` or `disturbed`.
     only : tuple of str
         Names of studies; all by default.
     scheduler : str, optional

@@ -1,0 +1,219 @@
+"""Headings of disturbed recordings by every method that `benchmark disturbed` compares."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.alignment.bayes import TIME_CONSTANT_BINS, bayes
+from gyronorth.alignment.bundle import shipped_bundle
+from gyronorth.alignment.evidence import grid_frequencies
+from gyronorth.alignment.inertial import align_inertial
+from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, wrap
+from gyronorth.disturbance import ReferenceSet, draw_disturbance, reference_set
+from gyronorth.earth import EARTH_RATE, normal_gravity
+from gyronorth.sensor import TriadErrors, read_sensor
+from gyronorth.uncertainty import von_mises
+
+if TYPE_CHECKING:
+    from gyronorth.alignment.learned import LoadedBundle
+
+Array = NDArray[np.float64]
+
+WHITE = 0.02 * DEG_PER_SQRT_HOUR
+#: Huber's threshold in standard deviations: 95 % efficient for normal noise ("Robust Statistics", 1981, sec. 4.5).
+HUBER, HUBER_ROUNDS = 1.345, 30
+#: Tones that harmonic least squares fits, one after the other.
+HARMONIC_TONES = 2
+
+
+@dataclass(frozen=True)
+class Part:
+    """Recordings of a reference set with the accelerometer that goes with them."""
+
+    made: ReferenceSet
+    rows: slice
+    kind: str
+    bias: float  # rad/s
+    seed: int
+    white: float = WHITE
+
+    @property
+    def gyro(self) -> Array:
+        """Angular rate (runs, n, 3), rad/s."""
+        return self.made.gyro_b[self.rows]
+
+    @property
+    def errors(self) -> TriadErrors:
+        """What is known of the gyro."""
+        return TriadErrors(white=self.white, turn_on_bias=self.bias)
+
+    def accel(self) -> Array:
+        """Specific force (runs, n, 3), m/s^2, of the same motion, with the noise and bias of an SDC500."""
+        runs, samples, _ = self.made.gyro_b.shape
+        rng = np.random.default_rng(self.seed)
+        rng.uniform(0, 2 * np.pi, runs)  # the headings, as `reference_set` draws them
+        moved = draw_disturbance(self.kind, samples=samples, rate_hz=self.made.rate_hz, rng=rng, runs=runs)
+        level = np.broadcast_to([0.0, 0.0, -float(normal_gravity(self.made.latitude))], (runs, samples, 3))
+        accel = moved.apply(np.zeros((runs, samples, 3)), level)[1]
+        assert accel is not None
+        terms, rng = read_sensor("sdc500").accel, np.random.default_rng([self.seed, 1])
+        accel = accel + rng.normal(0, terms.turn_on_bias, (runs, 1, 3))
+        accel = accel + rng.normal(0, terms.white * np.sqrt(self.made.rate_hz), accel.shape)
+        return accel[self.rows]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Headings, rad, and the ends of their 95 % intervals, rad from them, where the method states any."""
+
+    heading: Array
+    low: Array | None = None
+    high: Array | None = None
+
+
+def part_of(*, kind: str, duration: float, bias_deg_h: float, runs: int, rows: tuple[int, int], seed: int) -> Part:
+    """Recordings `rows` of the reference set of a kind."""
+    bias = bias_deg_h * DEG_PER_HOUR
+    made = reference_set(kind, runs=runs, duration=duration, bias=bias, white=WHITE, seed=seed)
+    return Part(made, slice(*rows), kind, bias, seed)
+
+
+def by_mean(part: Part) -> Found:
+    """Plain averaging; its interval allows for noise and residual bias, not for disturbance."""
+    rate = part.gyro.mean(axis=1)
+    variance = part.white**2 * part.made.rate_hz / part.gyro.shape[1] + part.bias**2
+    _, half = von_mises(np.hypot(rate[:, 0], rate[:, 1]) * EARTH_RATE * np.cos(part.made.latitude) / variance)
+    return Found(_heading(rate), -half, half)
+
+
+def by_median(part: Part) -> Found:
+    """Median of each axis."""
+    return Found(_heading(np.median(part.gyro, axis=1)))
+
+
+def by_huber(part: Part) -> Found:
+    """Huber's M-estimate of location of each axis, scale by the median absolute deviation."""
+    x = part.gyro
+    at = np.median(x, axis=1, keepdims=True)
+    scale = 1.4826 * np.median(np.abs(x - at), axis=1, keepdims=True)
+    for _ in range(HUBER_ROUNDS):
+        weight = np.minimum(1.0, HUBER * scale / np.maximum(np.abs(x - at), 1e-300))
+        at = np.sum(weight * x, axis=1, keepdims=True) / np.sum(weight, axis=1, keepdims=True)
+    return Found(_heading(at[:, 0]))
+
+
+def by_harmonics(part: Part) -> Found:
+    """Least squares: constant, the best exponential, then the best tones one after the other; no priors, no mask."""
+    n, rate_hz = part.gyro.shape[1], part.made.rate_hz
+    time, bins = (np.arange(n) + 0.5) / rate_hz, np.array(TIME_CONSTANT_BINS)
+    phase = 2 * np.pi * time[:, None] * grid_frequencies(n, rate_hz)
+    tones = np.stack([np.cos(phase), np.sin(phase)], axis=2)  # (n, f, 2)
+    decays = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2))
+    rate = []
+    for x in part.gyro:
+        design = np.ones((n, 1))
+        for candidates in (decays[:, :, None], *([tones] * HARMONIC_TONES)):
+            explained = _explained(design, candidates, x)
+            design = np.concatenate([design, candidates[:, int(np.argmax(explained))]], axis=1)
+        rate.append(np.linalg.lstsq(design, x, rcond=None)[0][0])
+    return Found(_heading(np.array(rate)))
+
+
+def _explained(design: Array, candidates: Array, x: Array) -> Array:
+    """Sum of squares that each candidate (n, f, c) explains of what the design leaves of x (n, 3)."""
+    basis = np.linalg.qr(design)[0]
+    flat = candidates.reshape(len(x), -1)
+    flat = (flat - basis @ (basis.T @ flat)).reshape(candidates.shape)
+    left = x - basis @ (basis.T @ x)
+    gram = np.einsum("nfa,nfb->fab", flat, flat) + 1e-9 * len(x) * np.eye(candidates.shape[2])
+    cross = np.einsum("nfa,nx->fax", flat, left)
+    return np.sum(cross * np.linalg.solve(gram, cross), axis=(1, 2))
+
+
+def by_bayes(part: Part) -> Found:
+    """Averaging over all models of a fine grid."""
+    known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
+    fits = [bayes(x, **known) for x in part.gyro]
+    heading = np.array([fit.heading for fit in fits])
+    whole = np.array([fit.interval95 == (0.0, 2 * np.pi) for fit in fits])
+    low, high = (wrap(np.array([fit.interval95[side] for fit in fits]) - heading) for side in (0, 1))
+    return Found(heading, np.where(whole, -np.pi, low), np.where(whole, np.pi, high))
+
+
+def by_inertial(part: Part) -> Found:
+    """Gravity traced in an inertial frame, with an accelerometer that no other method here has."""
+    return Found(
+        align_inertial(part.gyro, part.accel(), rate_hz=part.made.rate_hz, latitude=part.made.latitude).heading
+    )
+
+
+def by_paper(part: Part) -> Found:
+    """The paper's pipeline as it ships: trained on recordings that stand still."""
+    from gyronorth.alignment.learned import run
+
+    return Found(run(_bundle("paper"), part.gyro))
+
+
+def by_learned(part: Part) -> Found:
+    """The `learned` bundle."""
+    from gyronorth.alignment.learned import solve
+
+    known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
+    found = solve(_bundle("learned"), part.gyro, **known)
+    return Found(found.heading, found.low, found.high)
+
+
+def by_periodogram(part: Part) -> Found:
+    """`learned` with a periodogram in place of its network: what the network is worth."""
+    from gyronorth.alignment.amortised import amortised
+
+    known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
+    fits = [amortised(x, periodogram, **known) for x in part.gyro]
+    heading, low, high = (np.array([getattr(fit, name) for fit in fits]) for name in ("heading", "low", "high"))
+    return Found(heading, low, high)
+
+
+def periodogram(rate: NDArray[np.float32], index: NDArray[np.float32], cycles: NDArray[np.float32]) -> tuple:
+    """Proposals without a network: outliers are bumps, tones are where the spectrum, plain and tapered, is high."""
+    x = rate.astype(float)
+    size = np.linalg.norm(x - np.median(x, axis=0), axis=1)
+    bumped = size > 6 * np.median(size)
+    x = np.where(bumped[:, None], 0.0, x - x[~bumped].mean(axis=0))
+    phase = 2 * np.pi * index.astype(float)[:, None] * cycles
+    wave = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
+    height = np.zeros(len(cycles))
+    for taper in (np.ones(len(x)), 1 + np.cos(2 * np.pi * index / len(x))):
+        power = np.sum(((taper[:, None] * x).T @ wave) ** 2, axis=0).reshape(2, -1).sum(axis=0)
+        height += np.log1p(power * 2 / len(x))
+    return np.where(bumped, 1.0, -1.0), height
+
+
+@cache
+def _bundle(method: str) -> LoadedBundle:
+    from gyronorth.alignment.learned import load_bundle
+
+    return load_bundle(shipped_bundle(method))
+
+
+def _heading(rate: Array) -> Array:
+    return np.arctan2(-rate[:, 1], rate[:, 0])
+
+
+#: Row of the table -> how its headings are found.
+METHODS: dict[str, Callable[[Part], Found]] = {
+    "mean": by_mean,
+    "median": by_median,
+    "Huber": by_huber,
+    "harmonic least squares": by_harmonics,
+    "inertial (with accelerometer)": by_inertial,
+    "paper's pipeline, as shipped": by_paper,
+    "bayes": by_bayes,
+    "learned, periodogram for network": by_periodogram,
+    "learned": by_learned,
+}
