@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,18 +39,24 @@ from gyronorth.specialists import (
     bayes_fits,
     segments_of,
     solve_bayes,
+    solve_learned,
     solve_network,
     solve_turned,
     with_deviation,
 )
 from gyronorth.validity import Finding, Gate, implied_latitude, length_gate
 
+if TYPE_CHECKING:
+    from gyronorth.alignment.learned import LoadedBundle
+
 Array = NDArray[np.float64]
 
 #: Methods that `heading` offers.
-METHODS = ("auto", "mean", "inertial", "turned", "bayes", "paper", "baseline")
+METHODS = ("auto", "mean", "inertial", "turned", "bayes", "learned", "paper", "baseline")
 #: Those of them that run a trained bundle.
-TRAINED = ("paper", "baseline")
+TRAINED = ("learned", "paper", "baseline")
+#: Said where `learned` is asked for and cannot explain the recording.
+UNLEARNED = "The disturbance is of no kind that was learned; sigma is widened by what stays unexplained."
 #: Latitudes given and stored may differ by this, rad, before it is a mistake.
 LATITUDE_CONFLICT = np.radians(0.1)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
@@ -93,10 +102,10 @@ def heading(
         from what can be seen, and `bias_unknown` warns.
     method : str
         One of `METHODS`. "auto" takes "turned" if the recording holds two or more poses; else,
-        if it is disturbed, of "inertial", "bayes" and "mean" the one whose own sigma is
-        smallest; else "mean".
+        if it is disturbed, of "inertial", "learned" ("bayes", where that cannot explain it or is
+        not installed) and "mean" the one whose own sigma is smallest; else "mean".
     model : str or Path, optional
-        Bundle for "paper" and "baseline"; without one, that which ships with the package.
+        Bundle for "learned", "paper" and "baseline"; without one, that which ships with the package.
     attitude : tuple of float, optional
         Known roll and pitch, rad, in place of levelling by the accelerometer.
     turn_angles : sequence of float, optional
@@ -322,10 +331,11 @@ def _find(method: str, data: Data, model: str | Path | None, turn_angles: Sequen
     closed = mean_alignment(data)
     moved = disturbance(data, closed)
     if method in TRAINED:
-        from gyronorth.alignment.bundle import shipped_bundle
-        from gyronorth.alignment.learned import load_bundle
-
-        bundle = load_bundle(shipped_bundle(method) if model is None else model)
+        bundle = _bundle(method, model)
+        if method == "learned":
+            solution, fits = solve_learned(data, closed, moved, bundle)
+            warnings = () if fits or not solution.parts else (Finding("swaying", UNLEARNED),)
+            return _Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings)
         return _Found(method, solve_network(data, closed, bundle), "asked for", moved, bundle=bundle.name)
     mean = solve_mean(data, closed, moved)
     if method == "mean":
@@ -347,11 +357,36 @@ def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solutio
     candidates = {"mean": mean}
     if traced is not None:
         candidates["inertial"] = traced
+    bundle = None
     if moved.detected and bayes_fits(data):
-        candidates["bayes"] = solve_bayes(data, closed, moved)
+        learned, fits = None, False
+        if find_spec("onnxruntime") is not None:
+            bundle = _bundle("learned", None)
+            learned, fits = solve_learned(data, closed, moved, bundle)
+        if learned is not None and fits:
+            candidates["learned"] = learned
+        else:
+            candidates["bayes"] = solve_bayes(data, closed, moved)
     best = min(candidates, key=lambda name: float(candidates[name].sigma))
     sigmas = ", ".join(f"{np.degrees(float(found.sigma)):.2f} deg by {name}" for name, found in candidates.items())
-    return _Found(best, candidates[best], f"one pose, disturbed: sigma {sigmas}", moved)
+    name = bundle.name if bundle is not None and best == "learned" else None
+    return _Found(best, candidates[best], f"one pose, disturbed: sigma {sigmas}", moved, bundle=name)
+
+
+def _bundle(method: str, model: str | Path | None) -> LoadedBundle:
+    """The bundle of a method, loaded once for as long as its description does not change."""
+    from gyronorth.alignment.bundle import shipped_bundle
+
+    folder = Path(shipped_bundle(method) if model is None else model)
+    described = folder / "bundle.json"
+    return _loaded(folder, described.stat().st_mtime_ns if described.is_file() else 0)
+
+
+@lru_cache(maxsize=4)
+def _loaded(folder: Path, changed: int) -> LoadedBundle:
+    from gyronorth.alignment.learned import load_bundle
+
+    return load_bundle(folder)
 
 
 def _one_of_batch(method: str, data: Data, model: str | Path | None, index: int) -> HeadingBatch:

@@ -6,6 +6,7 @@ report treat all methods alike.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ from gyronorth.uncertainty import NORMAL_975, SIGMA_UNKNOWN, von_mises
 from gyronorth.validity import Finding, Gate, rate_gates, width_gates
 
 if TYPE_CHECKING:
+    from gyronorth.alignment.bundle import Mismatch
     from gyronorth.alignment.learned import LoadedBundle
     from gyronorth.alignment.turned import TurnedFit
 
@@ -121,31 +123,69 @@ def solve_bayes(data: Data, mean: Levelled, moved: Disturbance) -> Solution:
     """Model averaging over tones, settling and bumps (`alignment.bayes`) of one recording."""
     from gyronorth.alignment.bayes import bayes
 
-    turn = mat_lb(mean.roll, mean.pitch)
-    gyro_l = decimate(data.gyro_b, rate_hz=data.rate_hz, to_hz=BAYES_RATE) @ turn.T
+    gyro_l = decimate(data.gyro_b, rate_hz=data.rate_hz, to_hz=BAYES_RATE) @ mat_lb(mean.roll, mean.pitch).T
     errors = None if data.sensor is None else data.sensor.gyro
     fit = bayes(gyro_l, rate_hz=BAYES_RATE, latitude=data.latitude, errors=errors)
     low, high = fit.interval95
-    half = np.asarray(min(((high - low) % (2 * np.pi)) / 2, np.pi) if high - low < 2 * np.pi else np.pi)
+    half = ((high - low) % (2 * np.pi)) / 2 if high - low < 2 * np.pi else np.pi
     found = replace(mean, heading=np.asarray(fit.heading), rate_l=fit.rate_l)
-    signal = EARTH_RATE * np.cos(data.latitude)
-    whole = np.asarray((fit.sigma * signal) ** 2)
-    parts = {"noise": moved.white} if data.sensor is None else claimed_parts(data, mean, "mean")
+    return _of_disturbed(data, found, moved, sigma=fit.sigma, half=half)
+
+
+def solve_learned(data: Data, mean: Levelled, moved: Disturbance, bundle: LoadedBundle) -> tuple[Solution, bool]:
+    """Proposals of a network weighed by evidence (`alignment.learned.solve`), and whether they explain the record."""
+    from gyronorth.alignment.bundle import RecordingFacts, mismatch
+    from gyronorth.alignment.learned import solve
+
+    misfits = mismatch(bundle.info, RecordingFacts(data.rate_hz, data.duration, data.latitude))
+    if misfits:
+        return _mismatched(mean, bundle, misfits), False
+    gyro_l = data.gyro_b @ mat_lb(mean.roll, mean.pitch).T
+    errors = None if data.sensor is None else data.sensor.gyro
+    solved = solve(bundle, gyro_l[None], rate_hz=data.rate_hz, latitude=data.latitude, errors=errors)
+    found = replace(mean, heading=solved.heading[0], rate_l=solved.found[0].rate_l)
+    half = min(float(solved.high[0] - solved.low[0]) / 2, np.pi)
+    return _of_disturbed(data, found, moved, sigma=float(solved.sigma[0]), half=half), bool(solved.fits[0])
+
+
+def _of_disturbed(data: Data, found: Levelled, moved: Disturbance, *, sigma: float, half: float) -> Solution:
+    """The solution of a method that models disturbance: what exceeds the profile's parts is called sway."""
+    whole = np.asarray((sigma * EARTH_RATE * np.cos(data.latitude)) ** 2)
+    parts = {"noise": moved.white} if data.sensor is None else claimed_parts(data, found, "mean")
     parts = {**parts, "sway": np.maximum(whole - sum(parts.values()), 0.0)}
-    vertical = np.maximum(whole, sum(parts.values()))
+    total = np.maximum(whole, sum(parts.values()))
     gates = [
         *rate_gates(
-            fit.rate_l,
-            variance=vertical,
-            vertical_variance=vertical,
+            found.rate_l,
+            variance=total,
+            vertical_variance=total,
             latitude=data.latitude,
             known=data.sensor is not None,
         ),
         *width_gates(
-            half, variance=whole, noise_variance=parts["noise"], latitude=data.latitude, duration=data.duration
+            np.asarray(half),
+            variance=whole,
+            noise_variance=parts["noise"],
+            latitude=data.latitude,
+            duration=data.duration,
         ),
     ]
-    return Solution(found, parts, np.asarray(fit.sigma), half, gates)
+    return Solution(found, parts, np.asarray(sigma), np.asarray(half), gates)
+
+
+def _mismatched(mean: Levelled, bundle: LoadedBundle, misfits: Sequence[Mismatch]) -> Solution:
+    """No heading: every way in which the recording does not fit the bundle is a reason."""
+    gates = [
+        Gate(
+            "bundle_mismatch",
+            f"The bundle {bundle.name} does not fit: {misfit.message}.".replace("{", "{{").replace("}", "}}"),
+            np.asarray(np.nan if misfit.value is None else misfit.value),
+            np.asarray(np.nan if misfit.limit is None else misfit.limit),
+            np.asarray(True),
+        )
+        for misfit in misfits
+    ]
+    return Solution(mean, {}, np.asarray(SIGMA_UNKNOWN), np.asarray(np.pi), gates)
 
 
 def solve_network(data: Data, mean: Levelled, bundle: LoadedBundle) -> Solution:
@@ -159,18 +199,8 @@ def solve_network(data: Data, mean: Levelled, bundle: LoadedBundle) -> Solution:
     gyro_l = data.gyro_b @ mat_lb(mean.roll, mean.pitch).T
     sensor = None if data.sensor is None else data.sensor.name
     found = misfits(bundle, gyro_l, rate_hz=data.rate_hz, latitude=data.latitude, sensor=sensor)
-    gates = [
-        Gate(
-            "bundle_mismatch",
-            f"The bundle {bundle.name} does not fit: {misfit.message}.".replace("{", "{{").replace("}", "}}"),
-            np.asarray(np.nan if misfit.value is None else misfit.value),
-            np.asarray(np.nan if misfit.limit is None else misfit.limit),
-            np.asarray(True),
-        )
-        for misfit in found
-    ]
     if found:
-        return Solution(mean, {}, np.asarray(SIGMA_UNKNOWN), np.asarray(np.pi), gates)
+        return _mismatched(mean, bundle, found)
     heading = run(bundle, last_window(bundle, gyro_l[None], rate_hz=data.rate_hz))[0]
     metrics = bundle.info.metrics
     error = metrics.get("test_network_crmse_deg") or metrics.get("validation_network_crmse_deg")
@@ -178,7 +208,7 @@ def solve_network(data: Data, mean: Levelled, bundle: LoadedBundle) -> Solution:
     sigma, half = von_mises(np.asarray(1 / sigma**2)) if error is not None else (np.asarray(sigma), np.asarray(np.pi))
     signal = EARTH_RATE * np.cos(data.latitude)
     parts = {"network": np.asarray((sigma * signal) ** 2)}
-    return Solution(replace(mean, heading=np.asarray(heading)), parts, sigma, half, gates)
+    return Solution(replace(mean, heading=np.asarray(heading)), parts, sigma, half, [])
 
 
 def with_deviation(solution: Solution, model: DeviationModel, *, latitude: float, in_set: bool) -> Solution:

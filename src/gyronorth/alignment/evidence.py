@@ -95,8 +95,8 @@ def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
     slow = np.concatenate([np.ones((samples, 1)), decay, walk], axis=1)
     slow = whiten[:, None] * slow if whiten.ndim == 1 else whiten @ slow
     return Law(
-        whiten=whiten,
-        time=time,
+        whiten=whiten,  # type: ignore[arg-type]
+        time=time,  # type: ignore[arg-type]
         frequency=frequency,
         log_prior=np.log(1 / frequency / np.sum(1 / frequency)),
         constant=slow[:, 0],

@@ -112,7 +112,7 @@ def heading(
     roll: Roll = None,
     pitch: Pitch = None,
     model: Annotated[
-        Path | None, typer.Option(metavar="BUNDLE", help="Trained bundle for --method paper or baseline.")
+        Path | None, typer.Option(metavar="BUNDLE", help="Trained bundle for --method learned, paper or baseline.")
     ] = None,
     turn_angles: Annotated[
         Any,

@@ -31,6 +31,7 @@ class Method(StrEnum):
     inertial = "inertial"
     turned = "turned"
     bayes = "bayes"
+    learned = "learned"
     paper = "paper"
     baseline = "baseline"
 
