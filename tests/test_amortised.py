@@ -113,7 +113,7 @@ def test_wrong_input_is_named(bundle):
     made = reference_set("quiet", runs=1, duration=20.0, seed=12)
     with pytest.raises(InputError, match=r"at least 30 s is expected by learned"):
         headings(bundle, made)
-    with pytest.raises(InputError, match="holds no heading network"):
+    with pytest.raises(InputError, match="holds proposals for `solve`"):
         run(bundle, np.zeros((1, 300, 3)))
     paper = load_bundle(shipped_bundle("paper"))
     with pytest.raises(InputError, match="paper holds no proposal network"):

@@ -85,7 +85,8 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
     with the size of a batch, by more than the 1e-5 deg to which a heading must not depend on it.
     """
     if bundle.heading is None or bundle.info.heading is None:
-        raise InputError(f"The bundle {bundle.name} holds no heading network; it gives no heading.")
+        what = "a denoiser only" if bundle.info.proposal is None else "proposals for `solve`"
+        raise InputError(f"The bundle {bundle.name} holds {what}; it gives no heading by itself.")
     rate = clean(bundle, gyro_l) / EARTH_RATE
     if len(rate) == 0:
         return np.zeros(0)

@@ -1,0 +1,98 @@
+"""`benchmark disturbed`: its methods on known truth, its units, its tables."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from gyronorth.angles import angle_error
+from gyronorth.disturbance import ReferenceSet, reference_set
+from gyronorth.earth import EARTH_RATE
+from gyronorth.levelling import level
+from gyronorth.studies import disturbed
+from gyronorth.studies.disturbed_methods import METHODS, Part, part_of, periodogram
+from gyronorth.studies.study import Plan
+
+
+def ideal(heading, extra):
+    """A part of recordings without noise at 32.11 N with `extra` (n, 3) rad/s on top."""
+    latitude = np.radians(32.11)
+    north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
+    rate = np.array([north * np.cos(heading), -north * np.sin(heading), down])
+    made = ReferenceSet(rate + extra[None], np.array([heading]), 3.0, latitude, "")
+    return Part(made, slice(0, 1), "quiet", 1e-9, 1)
+
+
+@pytest.mark.parametrize("name", ["mean", "median", "Huber", "harmonic least squares"])
+def test_classical_methods_give_the_heading_of_a_still_unit(name):
+    rng = np.random.default_rng(1)
+    part = ideal(2.3, rng.normal(0, 1e-10, (300, 3)))
+    assert_allclose(angle_error(METHODS[name](part).heading, 2.3), 0, atol=1e-4)
+
+
+def test_harmonics_take_out_a_tone_of_the_grid_and_huber_a_bump():
+    time = (np.arange(300) + 0.5) / 3
+    tone = 1e-5 * np.sin(2 * np.pi * (0.008 + 0.0125) * time)[:, None] * [1, -0.5, 0.2]
+    part = ideal(1.0, tone)
+    assert abs(angle_error(METHODS["harmonic least squares"](part).heading, 1.0)[0]) < 1e-3
+    bump = np.random.default_rng(2).normal(0, 1e-6, (300, 3))
+    bump[100:104] += 1e-3
+    part = ideal(1.0, bump)
+    off = {name: abs(angle_error(METHODS[name](part).heading, 1.0)[0]) for name in ("mean", "Huber", "median")}
+    assert off["Huber"] < 0.05 * off["mean"]
+    assert off["median"] < 0.05 * off["mean"]
+
+
+def test_part_is_the_reference_set_and_its_accelerometer_feels_the_same_motion():
+    part = part_of(kind="mixed", duration=100.0, bias_deg_h=0.1, runs=2000, rows=(5, 8), seed=disturbed.SEED)
+    assert part.made.sha256 == reference_set().sha256
+    rate, accel = part.gyro, part.accel()
+    # Roll by the accelerometer against the integrated rate: the noise of both over 10 s stays below 0.003 deg.
+    roll, pitch = level(accel.reshape(3, 10, 30, 3).mean(axis=2))
+    turned = np.cumsum(rate, axis=1) / 3
+    seen = turned.reshape(3, 10, 30, 3).mean(axis=2)
+    time = np.arange(10)
+    for angle, axis in ((roll, 0), (pitch, 1)):
+        trend = np.array(
+            [np.polyval(np.polyfit(time, s - a, 1), time) for s, a in zip(seen[..., axis], angle, strict=True)]
+        )
+        assert np.abs(seen[..., axis] - angle - trend).max() < np.radians(0.01)
+
+
+def test_periodogram_finds_tone_and_bump():
+    index = np.arange(300) - 149.5
+    cycles = (0.008 + 0.00125 * np.arange(234)) / 3
+    rate = np.random.default_rng(3).normal(0, 1, (300, 3)) + 5 * np.sin(2 * np.pi * cycles[40] * index)[:, None]
+    rate[50:53] += 60
+    odds, height = periodogram(rate.astype(np.float32), index.astype(np.float32), cycles.astype(np.float32))
+    assert np.flatnonzero(odds > 0).tolist() == [50, 51, 52]
+    assert abs(int(np.argmax(height)) - 40) <= 1
+
+
+def test_units_and_report(monkeypatch):
+    pytest.importorskip("onnxruntime")
+    monkeypatch.setattr(disturbed, "CASES", (("mixed", 100.0, 0.1, 6), ("beat", 10.0, 0.1, 4)))
+    monkeypatch.setattr(disturbed, "ROWS", 3)
+    units = disturbed.DISTURBED.units(Plan())
+    assert len(units) == 1 + 2 + 2
+    results = {unit.name: unit.function(**unit.arguments) for unit in units[1:]}
+    results["disturbed/cost"] = {"cpu_ms": dict.fromkeys(METHODS, 1.0)}
+    assert json.loads(json.dumps(results)) == results
+    assert set(results["disturbed/mixed-100s-0.1-0000"]["error_deg"]) == set(METHODS)
+    # Nothing is said where a bundle or `bayes` does not take the window.
+    assert set(results["disturbed/beat-10s-0.1-0000"]["error_deg"]) == set(METHODS) - set(disturbed.WINDOWS)
+    whole = units[1].function(**{**units[1].arguments, "rows": [0, 6]})
+    parts = [results[f"disturbed/mixed-100s-0.1-000{i}"]["error_deg"]["learned"] for i in (0, 3)]
+    assert_allclose(whole["error_deg"]["learned"], sum(parts, []), atol=1e-5)
+    report = disturbed.DISTURBED.report(Plan(), results)
+    table = report.tables[1]
+    assert [row[0] for row in table.rows] == list(METHODS)
+    ratio = dict(zip([row[0] for row in table.rows], [row[2].value for row in table.rows], strict=True))
+    assert ratio["mean"] == 1.0
+    error = whole["error_deg"]
+    expected = np.sqrt(np.mean(np.square(error["learned"])) / np.mean(np.square(error["mean"])))
+    assert_allclose(ratio["learned"], expected, rtol=1e-5)
+    assert "held out" in report.tables[2].title
