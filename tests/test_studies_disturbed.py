@@ -86,7 +86,7 @@ def test_units_and_report(monkeypatch):
     assert set(results["disturbed/beat-10s-0.1-0000"]["error_deg"]) == set(METHODS) - set(disturbed.WINDOWS)
     whole = units[1].function(**{**units[1].arguments, "rows": [0, 6]})
     parts = [results[f"disturbed/mixed-100s-0.1-000{i}"]["error_deg"]["learned"] for i in (0, 3)]
-    assert_allclose(whole["error_deg"]["learned"], sum(parts, []), atol=1e-5)
+    assert_allclose(whole["error_deg"]["learned"], [*parts[0], *parts[1]], atol=1e-5)
     report = disturbed.DISTURBED.report(Plan(), results)
     table = report.tables[1]
     assert [row[0] for row in table.rows] == list(METHODS)

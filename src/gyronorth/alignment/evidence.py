@@ -81,10 +81,10 @@ def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
     edges = np.arange(samples + 1)
     covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
     if np.count_nonzero(covariance) == samples:
-        whiten = 1 / np.sqrt(np.diag(covariance))
+        whiten = np.asarray(1 / np.sqrt(np.diag(covariance)), dtype=float)
     else:
-        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    time = (edges[:-1] + 0.5) / rate_hz
+        whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
+    time = np.asarray((edges[:-1] + 0.5) / rate_hz, dtype=float)
     frequency = grid_frequencies(samples, rate_hz)
     bins = np.array(TIME_CONSTANT_BINS)
     decay = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2)) * SETTLING_RATE

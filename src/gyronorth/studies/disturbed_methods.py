@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 WHITE = 0.02 * DEG_PER_SQRT_HOUR
 #: Huber's threshold in standard deviations: 95 % efficient for normal noise ("Robust Statistics", 1981, sec. 4.5).
 HUBER, HUBER_ROUNDS = 1.345, 30
-#: Tones that harmonic least squares fits, one after the other.
-HARMONIC_TONES = 2
+#: Tones and exponentials that harmonic least squares takes at most.
+HARMONICS = 4
 
 
 @dataclass(frozen=True)
@@ -109,20 +109,48 @@ def by_huber(part: Part) -> Found:
 
 
 def by_harmonics(part: Part) -> Found:
-    """Least squares: constant, the best exponential, then the best tones one after the other; no priors, no mask."""
+    """Least squares: a constant, then the tone or exponential that explains most, as long as the BIC falls.
+
+    Outliers are left out first; there are no priors, and no average over models.
+    """
     n, rate_hz = part.gyro.shape[1], part.made.rate_hz
     time, bins = (np.arange(n) + 0.5) / rate_hz, np.array(TIME_CONSTANT_BINS)
     phase = 2 * np.pi * time[:, None] * grid_frequencies(n, rate_hz)
     tones = np.stack([np.cos(phase), np.sin(phase)], axis=2)  # (n, f, 2)
-    decays = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2))
-    rate = []
-    for x in part.gyro:
-        design = np.ones((n, 1))
-        for candidates in (decays[:, :, None], *([tones] * HARMONIC_TONES)):
-            explained = _explained(design, candidates, x)
-            design = np.concatenate([design, candidates[:, int(np.argmax(explained))]], axis=1)
-        rate.append(np.linalg.lstsq(design, x, rcond=None)[0][0])
+    decays = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2))[:, :, None]
+    rate = [_harmonic_constant(x, [decays, tones]) for x in part.gyro]
     return Found(_heading(np.array(rate)))
+
+
+def _harmonic_constant(x: Array, candidates: list[Array]) -> Array:
+    """Constant (3,) of x (n, 3) by greedy least squares over the candidates (n, f, c)."""
+    free = ~_outlying(x)
+    x, candidates = x[free], [c[free] for c in candidates]
+    design, number = np.ones((len(x), 1)), x.size
+    cost = _left(design, x)
+    for _ in range(HARMONICS):
+        tried = []
+        for kind in candidates:
+            best = kind[:, int(np.argmax(_explained(design, kind, x)))]
+            wider = np.concatenate([design, best], axis=1)
+            parameters = 3 * best.shape[1] + 1  # amplitudes, and the frequency or time constant
+            tried.append((number * np.log(_left(wider, x) / cost) + parameters * np.log(number), wider))
+        change, wider = min(tried, key=lambda one: one[0])
+        if change >= 0:
+            break
+        design, cost = wider, _left(wider, x)
+    return np.linalg.lstsq(design, x, rcond=None)[0][0]
+
+
+def _left(design: Array, x: Array) -> float:
+    basis = np.linalg.qr(design)[0]
+    return float(np.sum((x - basis @ (basis.T @ x)) ** 2))
+
+
+def _outlying(x: Array) -> NDArray[np.bool_]:
+    """Samples whose distance from the median is beyond six times the usual one."""
+    size = np.linalg.norm(x - np.median(x, axis=0), axis=1)
+    return size > 6 * np.median(size)
 
 
 def _explained(design: Array, candidates: Array, x: Array) -> Array:
@@ -182,8 +210,7 @@ def by_periodogram(part: Part) -> Found:
 def periodogram(rate: NDArray[np.float32], index: NDArray[np.float32], cycles: NDArray[np.float32]) -> tuple:
     """Proposals without a network: outliers are bumps, tones are where the spectrum, plain and tapered, is high."""
     x = rate.astype(float)
-    size = np.linalg.norm(x - np.median(x, axis=0), axis=1)
-    bumped = size > 6 * np.median(size)
+    bumped = _outlying(x)
     x = np.where(bumped[:, None], 0.0, x - x[~bumped].mean(axis=0))
     phase = 2 * np.pi * index.astype(float)[:, None] * cycles
     wave = np.concatenate([np.cos(phase), np.sin(phase)], axis=1)
