@@ -212,7 +212,7 @@ def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, e
         low=low,
         high=high,
         rate_l=rate @ weight,
-        tones=float(weight @ ((models.first[which] >= 0) + (models.second[which] >= 0.0))),
+        tones=float(weight @ (models.first[which] >= 0) + weight @ (models.second[which] >= 0)),
         settling=float(weight @ ((slow > 0) & (slow < last))),
         walk=float(weight @ (slow == last)),
         bumps=bumps,
