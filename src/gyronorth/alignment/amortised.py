@@ -35,13 +35,16 @@ Propose = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32
 #: Frequencies kept of the proposals.
 KEPT = 16
 #: Squared residual of a sample over three axes, in variances, beyond which it lies in a bump
-#: (chi-square with 3 degrees of freedom: 1e-5); rounds of comparing the mask with the fit.
-BUMP_CHI2, ROUNDS = 26.0, 3
-#: Expected tones at a frequency above which it is divided into so many, at most so many in all.
-FINER, MOST = ((0.15, 7), (0.01, 3), (1e-4, 1)), 44
+#: (chi-square with 3 degrees of freedom: 1e-5).
+BUMP_CHI2 = 26.0
+#: Expected tones at a frequency above which it is divided into so many, at most so many frequencies in all, and rounds
+#: of dividing: a strong tone between two frequencies hides a weak one until its own are divided.
+FINER, MOST, ROUNDS = ((0.15, 7), (0.01, 3)), 44, 2
+#: Expected tones at a frequency below which it is left out of the last round.
+NO_TONE = 1e-4
 #: The mean squared residual scatters by sqrt(2 / its number): beyond so many of these the law does not hold.
 EXCESS_SIGMA = 4.0
-#: Share of the samples left out above which the law does not hold either: these are not bumps.
+#: Share of the samples above which what stands out is no bumps.
 MOST_BUMPED = 0.2
 #: Models less likely than this are left out of the average.
 NEGLIGIBLE = 1e-5
@@ -97,50 +100,70 @@ def amortised(
     scaled = (gyro_l - np.median(gyro_l, axis=0)) / noise
     odds, weight = propose(scaled.astype(np.float32), *network_axes(len(gyro_l), rate_hz))
     masked = grown(odds > 0)
+    if masked.mean() > 0.5:  # nothing would be left to judge by
+        masked = np.zeros_like(masked)
     kept = np.sort(np.argsort(-weight)[:KEPT])
-    for _ in range(ROUNDS):
-        seen = columns(known, gyro_l, masked, known.frequency[kept])
-        models = evidence(known, seen, known.log_prior[kept])
-        square = np.sum(_residual(known, gyro_l, seen, models) ** 2, axis=1)
-        again = grown(square > BUMP_CHI2 * max(1.0, float(np.median(square[~masked])) / 2.366))
-        if (again == masked).all():
-            break
-        masked = again
-    frequency, log_prior = _finer(known, kept, models.shares(len(kept)))
-    seen = columns(known, gyro_l, masked, frequency)
-    models = evidence(known, seen, log_prior)
+    lines = _Lines(known.frequency[kept], known.log_prior[kept], np.ones(KEPT, dtype=np.int64))
+    seen = columns(known, gyro_l, masked, lines.frequency)
+    models = evidence(known, seen, lines.log_prior)
+    for number in range(ROUNDS):
+        lines = lines.divided(
+            models.shares(len(lines.frequency)), known.frequency[1] - known.frequency[0], last=number == ROUNDS - 1
+        )
+        seen = columns(known, gyro_l, masked, lines.frequency)
+        models = evidence(known, seen, lines.log_prior)
+        bumped = _bumped(known, gyro_l, masked, seen, models)
+        if (bumped != masked).any():
+            masked = bumped
+            seen = columns(known, gyro_l, masked, lines.frequency)
+            models = evidence(known, seen, lines.log_prior)
     free = 3 * int((~masked).sum())
     excess = float(np.sum(_residual(known, gyro_l, seen, models)[~masked] ** 2)) / free
     law_holds = excess <= 1 + EXCESS_SIGMA * np.sqrt(2 / free)
     if not law_holds:
-        models = evidence(known, seen, log_prior, scale=float(np.sqrt(excess)))
+        models = evidence(known, seen, lines.log_prior, scale=float(np.sqrt(excess)))
     fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
     return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
 
 def grown(flags: Mask) -> Mask:
-    """The flagged samples and their neighbours, which a bump may touch in part; none if that were half of all."""
+    """The flagged samples and their neighbours, which a bump may touch in part."""
     wide = flags.copy()
     wide[1:] |= flags[:-1]
     wide[:-1] |= flags[1:]
-    return wide if wide.mean() < 0.5 else np.zeros_like(flags)
+    return wide
 
 
-def _finer(known: Law, kept: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
-    """Frequencies, Hz, and their log priors: the kept ones divided where tones are."""
-    spacing = known.frequency[1] - known.frequency[0]
-    frequency, log_prior, total = [], [], 0
-    for number in np.argsort(-share):
-        parts = next((parts for limit, parts in FINER if share[number] > limit), 0)
-        if parts == 0 or total + parts > MOST:
-            break
-        offset = ((np.arange(parts) + 0.5) / parts - 0.5) * spacing
-        frequency.append(known.frequency[kept[number]] + offset)
-        log_prior.append(np.full(parts, known.log_prior[kept[number]] - np.log(parts)))
-        total += parts
-    if not frequency:  # no tone anywhere: any frequency will do
-        return known.frequency[kept[:2]], known.log_prior[kept[:2]]
-    return np.concatenate(frequency), np.concatenate(log_prior)
+@dataclass(frozen=True)
+class _Lines:
+    """Frequencies on which tones may be."""
+
+    frequency: Array  # (f,) Hz
+    log_prior: Array  # (f,) of one tone
+    parts: NDArray[np.int64]  # (f,) into how many its cell of the proposals' grid was divided
+
+    def divided(self, share: Array, spacing: float, *, last: bool) -> _Lines:
+        """Divide those that hold a tone, the likeliest first; leave out those that hold none, if these are the last."""
+        made, total = [], len(share)
+        for number in np.argsort(-share):
+            whole = self.parts[number] == 1
+            parts = next((parts for limit, parts in FINER if whole and share[number] > limit), 1)
+            parts = parts if total + parts - 1 <= MOST else 1
+            if last and share[number] < NO_TONE and len(made) > 1:
+                break
+            offset = ((np.arange(parts) + 0.5) / parts - 0.5) * spacing
+            log_prior = np.full(parts, self.log_prior[number] - np.log(parts))
+            made.append((self.frequency[number] + offset, log_prior, np.full(parts, parts * self.parts[number])))
+            total += parts - 1
+        return _Lines(*(np.concatenate(column) for column in zip(*made, strict=True)))
+
+
+def _bumped(known: Law, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> Mask:
+    """Samples that the likeliest model cannot explain; as before if they are too many to be bumps."""
+    square = np.sum(_residual(known, gyro_l, seen, models) ** 2, axis=1)
+    # 2.366 is the median of chi-square with 3 degrees of freedom.
+    bumped = grown(square > BUMP_CHI2 * max(1.0, float(np.median(square[~masked])) / 2.366))
+    return bumped if bumped.mean() <= MOST_BUMPED else masked
 
 
 def _residual(known: Law, gyro_l: Array, seen: Columns, models: Evidence) -> Array:
@@ -189,7 +212,7 @@ def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, e
         low=low,
         high=high,
         rate_l=rate @ weight,
-        tones=float(weight @ ((models.first[which] >= 0) + (models.second[which] >= 0.0))),
+        tones=float(weight @ (models.first[which] >= 0) + weight @ (models.second[which] >= 0)),
         settling=float(weight @ ((slow > 0) & (slow < last))),
         walk=float(weight @ (slow == last)),
         bumps=bumps,
