@@ -28,7 +28,7 @@ from gyronorth.recording import InputError
 SEED = 20240501
 FILES = 10_000
 #: Longest processor time for one file, s: a thousand times what one takes.
-PATIENCE = 5
+PATIENCE = 60
 #: Growth of the process that no damaged size field may cause, KiB.
 MEMORY = 1 << 20
 ROWS = 120

@@ -287,7 +287,7 @@ def test_a_drive_in_part_of_the_recording_does_not_make_its_unit_implausible(tmp
     rates, forces = still(3000)
     rates[2000:] += 0.3  # 17 deg/s in the last third
     path = csv_file(tmp_path, rows_of([np.arange(3000) / RATE_HZ, np.degrees(rates), forces]), comments=[])
-    read(path, gyro_unit="deg/s", accel_unit="m/s2")
+    assert_allclose(read(path, gyro_unit="deg/s", accel_unit="m/s2").gyro_b, rates, rtol=1e-12)
 
 
 def test_our_own_files_are_believed(tmp_path):

@@ -61,8 +61,9 @@ def test_every_variant_is_a_valid_setting():
     from gyronorth.learn.settings import Settings
 
     for family in paper_variants.FAMILIES:
-        for variant in family.variants.values():
-            Settings.model_validate(heading_unit(variant, PLAN, splits_of(PLAN, 1)[0], seed=0).arguments["settings"])
+        units = [heading_unit(variant, PLAN, splits_of(PLAN, 1)[0], seed=0) for variant in family.variants.values()]
+        settings = [Settings.model_validate(unit.arguments["settings"]) for unit in units]
+        assert all(one.rate_hz == 3.0 for one in settings)
 
 
 def test_a_trained_unit_tells_errors_of_each_part_and_the_closed_form_beside():
