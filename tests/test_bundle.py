@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from math import radians
 
 import numpy as np
@@ -19,12 +20,14 @@ from gyronorth.alignment.bundle import Bundle, Domain, RecordingFacts, mismatch,
 from gyronorth.alignment.diffusion import Sampler  # noqa: E402
 from gyronorth.alignment.learned import clean, decode, last_window, load_bundle, misfits, run  # noqa: E402
 from gyronorth.angles import angle_error, cyclic_rmse  # noqa: E402
-from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa: E402
+from gyronorth.deviation import rate_surplus  # noqa: E402
+from gyronorth.learn.data import HeadingSet, Swing, TrainingData, synthetic_set  # noqa: E402
 from gyronorth.learn.export import export_bundle, model_card  # noqa: E402
 from gyronorth.learn.settings import Settings, baseline, paper  # noqa: E402
 from gyronorth.learn.shipped import twin_data  # noqa: E402
 from gyronorth.learn.stages import train_denoiser, train_heading  # noqa: E402
-from gyronorth.recording import InputError  # noqa: E402
+from gyronorth.pipeline import heading, heading_batch  # noqa: E402
+from gyronorth.recording import InputError, Recording  # noqa: E402
 
 LATITUDE = radians(32.11)
 #: White noise of one sample at 3 Hz of an SDC500: 0.02 deg/sqrt(h) x sqrt(3 Hz), rad/s.
@@ -195,6 +198,75 @@ def test_a_fast_recording_is_averaged_down_and_judged(exported):
     (found,) = misfits(bundle, 10 * fast, **facts)
     assert "noise" in found.message
     assert "shorter" in misfits(bundle, fast[:100], **facts)[0].message
+
+
+#: North bias of the unit whose bundle carries its deviation, rad/s: up to 5 deg of heading error.
+BIAS = np.array([radians(1.1 / 3600), 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def own_bundle(tmp_path_factory):
+    """A bundle of a unit with a bias, trained on 16 recordings of 60 s of its session."""
+    denoiser, network, data = made("flattened", "degrees", t_back=998)
+    noisy = windows(16, 180, seed=3)
+    rate = noisy.gyro_l.mean(axis=1) + BIAS
+    swing = Swing(np.arctan2(-rate[:, 1], rate[:, 0]), rate_surplus(rate, LATITUDE), noisy.heading, 60.0)
+    part = replace(data.test, gyro_l=data.test.gyro_l + BIAS)
+    folder = tmp_path_factory.mktemp("own") / "b"
+    export_bundle(folder, denoiser=denoiser, heading=network, data=replace(data, test=part, session="s", swing=swing))
+    return folder
+
+
+def biased(session, seconds=60, seed=9, latitude=LATITUDE):
+    """A recording at the heading, 22.5 deg off any known one, at which the bias costs most."""
+    gyro = windows(32, 3 * seconds, seed=seed).gyro_l[9] + BIAS
+    truth = 9 * 2 * np.pi / 32
+    return Recording(gyro, None, 3.0, latitude=latitude, heading_true=truth, session=session)
+
+
+def test_a_units_bundle_corrects_the_closed_form_in_its_session_and_says_so(own_bundle):
+    plain = heading(biased("s"), method="mean", sensor="sdc500")
+    found = heading(biased("s"), method="learned", model=own_bundle, sensor="sdc500")
+    truth = biased("s").heading_true
+    assert (found.method, found.bundle) == ("learned", "b")
+    assert abs(angle_error(found.heading, truth)) < 0.4 * abs(angle_error(plain.heading, truth))
+    assert found.sigma < plain.sigma
+    assert np.sqrt(sum(part**2 for part in found.sigma_parts.values())) == pytest.approx(found.sigma, rel=1e-6)
+    (said,) = [warning for warning in found.warnings if warning.code == "deviation_applied"]
+    assert "16 recordings" in said.message
+    info, card = read_bundle(own_bundle), (own_bundle / "README.md").read_text()
+    assert info.domain.session == "s"
+    assert "learned + deviation" in card
+    assert "Carries the deviation of unit not stated, session s" in card
+    assert info.metrics["test_deviation_crmse_deg"] < 0.6 * info.metrics["test_model_based_crmse_deg"]
+
+
+@pytest.mark.parametrize("session", ["another", None])
+def test_a_units_bundle_leaves_other_sessions_alone(own_bundle, session):
+    plain = heading(biased(session), method="mean", sensor="sdc500")
+    found = heading(biased(session), method="learned", model=own_bundle, sensor="sdc500")
+    assert (found.heading, found.sigma, found.interval95) == (plain.heading, plain.sigma, plain.interval95)
+    assert any("not applied" in warning.message for warning in found.warnings)
+
+
+def test_a_units_bundle_is_refused_where_it_does_not_fit_and_in_batches(own_bundle, tmp_path):
+    found = heading(biased("s", latitude=0.0), method="learned", model=own_bundle, sensor="sdc500")
+    assert [reason.code for reason in found.reasons] == ["bundle_mismatch"]
+    with pytest.raises(InputError, match="Use `heading` with each recording"):
+        heading_batch(np.ones((2, 200, 3)), rate_hz=3.0, latitude=LATITUDE, method="learned", model=own_bundle)
+    shutil.copytree(own_bundle, tmp_path / "b")
+    text = (tmp_path / "b" / "deviation.json").read_text()
+    (tmp_path / "b" / "deviation.json").write_text(text.replace('"s"', '"*"'))
+    with pytest.raises(InputError, match="does not match its checksum"):
+        load_bundle(tmp_path / "b")
+
+
+def test_a_recording_shorter_than_those_learned_from_adds_its_noise(own_bundle):
+    """15 of 60 s have noise of variance N^2 / 15 s, of which the curve's sigma holds N^2 / 60 s."""
+    short, whole = (heading(biased("s", n), method="learned", model=own_bundle, sensor="sdc500") for n in (15, 60))
+    assert whole.sigma_parts["noise"] == 0
+    noise = radians(0.02 / 60) * np.sqrt(1 / 15 - 1 / 60) / (7.292115e-5 * np.cos(LATITUDE))
+    assert short.sigma_parts["noise"] == pytest.approx(noise, rel=0.25)  # the record's own noise, of 45 samples
 
 
 @pytest.mark.parametrize(("method", "recipe"), [("paper", paper), ("baseline", baseline)])

@@ -18,11 +18,14 @@ from gyronorth.learn.data import (
     HeadingSet,
     augment,
     noise_deg_s,
+    own_data,
     read_folder,
     split_recordings,
     synthetic_set,
     turned,
 )
+from gyronorth.learn.settings import Settings
+from gyronorth.readers import ReadOptions
 from gyronorth.recording import InputError
 
 
@@ -163,3 +166,49 @@ def test_a_folder_of_recordings(folder):
 def test_a_recording_too_short_is_refused(folder):
     with pytest.raises(InputError, match="lasts 13 s; a window of 20 s"):
         read_folder(folder, rate_hz=2.0, samples=40)
+
+
+def swing_folder(path, sessions, latitudes=(0,)):
+    """Twelve short level recordings with a north bias of a tenth of Earth rate."""
+    for k in range(12):
+        angle = radians(30 * k)
+        rate = EARTH_RATE * np.array([np.cos(angle) + 0.1, -np.sin(angle), 0.0])
+        text = f"# rate_hz: 2\n# gyro_unit: rad/s\n# axes: frd\n# heading_true_deg: {30 * k}\n"
+        session, latitude = sessions[k % len(sessions)], latitudes[k % len(latitudes)]
+        text += f"# session: {session}\n" * (session is not None)
+        text += f"# latitude_deg: {latitude}\n" * (latitude is not None)
+        row = ",".join(repr(float(v)) for v in rate)
+        (path / f"{k:02d}.csv").write_text(text + "t,w_x,w_y,w_z\n" + "".join(f"{t / 2},{row}\n" for t in range(26)))
+    return path
+
+
+SHORT = Settings.model_validate({"rate_hz": 2.0, "samples": 12})
+
+
+def test_own_recordings_of_one_session_hold_a_swing(tmp_path):
+    data = own_data(swing_folder(tmp_path, ["monday"]), settings=SHORT)
+    assert (data.session, data.latitude) == ("monday", 0.0)
+    known = np.unique(np.concatenate([data.train.recording, data.validation.recording]))
+    assert_allclose(np.degrees(data.swing.heading_true), 30 * known, atol=1e-9)  # the test recordings stay out
+    # tan psi = -w_y / w_x, and the horizontal rate exceeds Earth rate by |(cos + 0.1, sin)| - 1
+    true = data.swing.heading_true
+    assert_allclose(angle_error(data.swing.heading, np.arctan2(np.sin(true), np.cos(true) + 0.1)), 0, atol=1e-9)
+    assert_allclose(data.swing.surplus, np.hypot(np.cos(true) + 0.1, np.sin(true)) - 1, atol=1e-9)
+    assert data.swing.duration == 13.0
+
+
+@pytest.mark.parametrize(
+    ("sessions", "latitudes", "given", "session", "swings"),
+    [
+        ([None], (0,), None, None, True),
+        (["monday", "tuesday"], (0,), None, "monday, tuesday", False),
+        (["monday"], (0, 1), None, "monday", False),
+        (["monday"], (None,), None, "monday", False),
+        (["monday"], (None,), 0.0, "monday", True),
+    ],
+)
+def test_a_swing_needs_one_session_and_one_latitude(tmp_path, sessions, latitudes, given, session, swings):
+    reading = None if given is None else ReadOptions(latitude=given)
+    data = own_data(swing_folder(tmp_path, sessions, latitudes), settings=SHORT, reading=reading)
+    assert data.session == session
+    assert (data.swing is not None) == swings

@@ -82,7 +82,7 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
             f"The recordings are of {len(sessions)} sessions ({', '.join(sorted(map(str, sessions)))}); a deviation "
             "curve holds within one power-up session. Calibrate each on its own."
         )
-    observed = [_observe(recording, latitude) for recording in recordings]
+    observed = [observe(recording, latitude) for recording in recordings]
     heading, surplus, truth = (np.array(column) for column in zip(*observed, strict=True))
     session = sessions.pop()
     duration = float(np.median([recording.duration for recording in recordings]))
@@ -96,8 +96,14 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
     return Calibration(model, truth, angle_error(heading, truth), left_out, sigma)
 
 
-def _observe(recording: Recording, latitude: float | None) -> tuple[float, float, float]:
-    """Heading of the closed form, surplus of its rate, true heading."""
+def observe(recording: Recording, latitude: float | None) -> tuple[float, float, float]:
+    """Heading of the closed form, rad, surplus of its rate (`deviation.rate_surplus`), true heading, rad.
+
+    Raises
+    ------
+    InputError
+        If the recording has no true heading or no latitude.
+    """
     known = recording.latitude if latitude is None else latitude
     if recording.heading_true is None:
         raise InputError(

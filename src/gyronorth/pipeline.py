@@ -37,6 +37,7 @@ from gyronorth.specialists import (
     BAYES_RATE,
     BAYES_SHORTEST,
     bayes_fits,
+    mismatched,
     segments_of,
     solve_bayes,
     solve_learned,
@@ -140,9 +141,9 @@ def heading(
     if short.failed:
         found = _Found("mean", replace(unknown(mean_alignment(data)), gates=[short]), "too short for any other")
     else:
-        found = _find(method, data, model, turn_angles)
+        found = _find(method, data, model, turn_angles, session=recording.session)
     if deviation is not None:
-        found = _deviated(found, data, recording, deviation)
+        found = _deviated(found, data, deviation, session=recording.session)
     estimate = _estimate(recording, data, found)
     for note in recording.notes:
         if note.blocking and estimate.valid:
@@ -307,7 +308,14 @@ def _latitude(given: float | None, recording: Recording) -> float:
     return float(stored if given is None else given)  # type: ignore[arg-type]
 
 
-def _find(method: str, data: Data, model: str | Path | None, turn_angles: Sequence[float] | None) -> _Found:
+def _find(
+    method: str,
+    data: Data,
+    model: str | Path | None,
+    turn_angles: Sequence[float] | None,
+    *,
+    session: str | None = None,
+) -> _Found:
     """What the asked method, or the one that auto chooses, finds in one recording."""
     if method in ("auto", "turned") and data.attitude is None:
         segments = segments_of(data)
@@ -332,6 +340,8 @@ def _find(method: str, data: Data, model: str | Path | None, turn_angles: Sequen
     moved = disturbance(data, closed)
     if method in TRAINED:
         bundle = _bundle(method, model)
+        if method == "learned" and bundle.deviation is not None:
+            return _corrected(data, closed, moved, bundle, session=session)
         if method == "learned":
             solution, fits = solve_learned(data, closed, moved, bundle)
             warnings = () if fits or not solution.parts else (Finding("swaying", UNLEARNED),)
@@ -391,29 +401,53 @@ def _loaded(folder: Path, changed: int) -> LoadedBundle:
 
 def _one_of_batch(method: str, data: Data, model: str | Path | None, index: int) -> HeadingBatch:
     one = replace(data, gyro_b=data.gyro_b[index], accel_b=None if data.accel_b is None else data.accel_b[index])
+    if method == "learned" and _bundle(method, model).deviation is not None:
+        raise InputError(
+            "The bundle corrects recordings of one session, and a batch says none. Use `heading` with each recording."
+        )
     found = _find(method, one, model, None)
     single = _as_batch(found.solution, saturation_gates(one), np.asarray(method))
     return HeadingBatch(*(np.asarray(value)[None] for value in vars(single).values()))
 
 
-def _deviated(found: _Found, data: Data, recording: Recording, model: DeviationModel) -> _Found:
+def _corrected(
+    data: Data, closed: Levelled, moved: Disturbance, bundle: LoadedBundle, *, session: str | None
+) -> _Found:
+    """The closed form with the correction that a bundle learned from its unit's own recordings."""
+    from gyronorth.alignment.bundle import RecordingFacts, mismatch
+
+    assert bundle.deviation is not None
+    sensor = None if data.sensor is None else data.sensor.name
+    misfits = mismatch(bundle.info, RecordingFacts(data.rate_hz, data.duration, data.latitude, sensor))
+    if misfits:
+        return _Found("learned", mismatched(closed, bundle, misfits), "asked for", moved, bundle=bundle.name)
+    found = _Found("mean", solve_mean(data, closed, moved), "asked for", moved, bundle=bundle.name)
+    return replace(_deviated(found, data, bundle.deviation, session=session), method="learned")
+
+
+def _deviated(found: _Found, data: Data, model: DeviationModel, *, session: str | None) -> _Found:
     """`found` corrected by a deviation curve, with the warning that says whether it was."""
     if found.method != "mean":
         raise InputError(
             f"A deviation curve corrects the closed form, but the method is {found.method}. Use --method mean with it."
         )
-    in_set = model.covers(recording.session)
+    in_set = model.covers(session)
     if in_set:
         message = (
             f"Corrected by a deviation curve of {len(model.heading)} recordings; it holds for that unit and session."
         )
     else:
         message = (
-            f"The deviation curve was measured in session {model.session!r}, this recording is of "
-            f"{recording.session!r}: not applied."
+            f"The deviation curve was measured in session {_named(model.session)}, this recording is of "
+            f"{_named(session)}: not applied. Where both are of one power-up session, say so: --deviation FILE "
+            "--any-session."
         )
-    solution = with_deviation(found.solution, model, latitude=data.latitude, in_set=in_set)
+    solution = with_deviation(found.solution, model, latitude=data.latitude, duration=data.duration, in_set=in_set)
     return replace(found, solution=solution, warnings=(*found.warnings, Finding("deviation_applied", message)))
+
+
+def _named(session: str | None) -> str:
+    return "not stated" if session is None else repr(session)
 
 
 def _batch(method: str, data: Data) -> HeadingBatch:
@@ -468,7 +502,7 @@ def _estimate(recording: Recording, data: Data, found: _Found) -> HeadingEstimat
     mean = data.gyro_b[first:last].mean(axis=0)
     norm = float(np.linalg.norm(mean))
     arm = EARTH_RATE * np.cos(data.latitude)
-    if found.method in ("mean", "inertial"):
+    if found.method in ("mean", "inertial") and "deviation" not in solution.parts:
         arm = np.sqrt(np.hypot(*levelled.rate_l[:2]) * arm)
     arm = max(float(arm), np.finfo(float).tiny)
     gates = [*solution.gates, *saturation_gates(data)]

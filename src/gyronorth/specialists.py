@@ -139,7 +139,7 @@ def solve_learned(data: Data, mean: Levelled, moved: Disturbance, bundle: Loaded
 
     misfits = mismatch(bundle.info, RecordingFacts(data.rate_hz, data.duration, data.latitude))
     if misfits:
-        return _mismatched(mean, bundle, misfits), False
+        return mismatched(mean, bundle, misfits), False
     gyro_l = data.gyro_b @ mat_lb(mean.roll, mean.pitch).T
     errors = None if data.sensor is None else data.sensor.gyro
     solved = solve(bundle, gyro_l[None], rate_hz=data.rate_hz, latitude=data.latitude, errors=errors)
@@ -173,7 +173,7 @@ def _of_disturbed(data: Data, found: Levelled, moved: Disturbance, *, sigma: flo
     return Solution(found, parts, np.asarray(sigma), np.asarray(half), gates)
 
 
-def _mismatched(mean: Levelled, bundle: LoadedBundle, misfits: Sequence[Mismatch]) -> Solution:
+def mismatched(mean: Levelled, bundle: LoadedBundle, misfits: Sequence[Mismatch]) -> Solution:
     """No heading: every way in which the recording does not fit the bundle is a reason."""
     gates = [
         Gate(
@@ -200,7 +200,7 @@ def solve_network(data: Data, mean: Levelled, bundle: LoadedBundle) -> Solution:
     sensor = None if data.sensor is None else data.sensor.name
     found = misfits(bundle, gyro_l, rate_hz=data.rate_hz, latitude=data.latitude, sensor=sensor)
     if found:
-        return _mismatched(mean, bundle, found)
+        return mismatched(mean, bundle, found)
     heading = run(bundle, last_window(bundle, gyro_l[None], rate_hz=data.rate_hz))[0]
     metrics = bundle.info.metrics
     error = metrics.get("test_network_crmse_deg") or metrics.get("validation_network_crmse_deg")
@@ -211,22 +211,30 @@ def solve_network(data: Data, mean: Levelled, bundle: LoadedBundle) -> Solution:
     return Solution(replace(mean, heading=np.asarray(heading)), parts, sigma, half, [])
 
 
-def with_deviation(solution: Solution, model: DeviationModel, *, latitude: float, in_set: bool) -> Solution:
+def with_deviation(
+    solution: Solution, model: DeviationModel, *, latitude: float, duration: float, in_set: bool
+) -> Solution:
     """The closed form corrected by a deviation curve, where the recording belongs to its set.
 
-    Outside the set nothing is corrected and nothing changes.
+    The curve's sigma holds the noise of recordings as long as those fitted to; a shorter one adds what it
+    has more. Outside the set nothing is corrected and nothing changes.
     """
     if not in_set:
         return solution
     found = solution.levelled
     heading, sigma = model.correct(found.heading, rate_surplus(found.rate_l, latitude))
     signal = EARTH_RATE * np.cos(latitude)
-    parts = {"deviation": np.asarray((sigma[0] * signal) ** 2)}
-    half = np.asarray(min(NORMAL_975 * sigma[0], np.pi))
+    shortfall = 0.0 if model.duration is None else max(1 - duration / model.duration, 0.0)
+    parts = {
+        "deviation": np.asarray((sigma[0] * signal) ** 2),
+        "noise": shortfall * solution.parts["noise"],
+        "sway": solution.parts["sway"],
+    }
+    spread = min(float(np.sqrt(sum(parts.values()))) / signal, SIGMA_UNKNOWN)
     return replace(
         solution,
         levelled=replace(found, heading=np.asarray(heading[0])),
         parts=parts,
-        sigma=np.asarray(sigma[0]),
-        half_width=half,
+        sigma=np.asarray(spread),
+        half_width=np.asarray(min(NORMAL_975 * spread, np.pi)),
     )

@@ -73,6 +73,13 @@ class ProposalPart(Strict):
     sigma_scale: Positive = 1.0  # sigma and interval are widened by this: calibrated on validation recordings
 
 
+class DeviationPart(Strict):
+    """`deviation.json`: what the unit's known headings taught of the closed form (`gyronorth.deviation`)."""
+
+    file: str = "deviation.json"
+    sha256: str
+
+
 class Bundle(Strict):
     """The contents of `bundle.json`."""
 
@@ -83,6 +90,7 @@ class Bundle(Strict):
     denoiser: DenoiserPart | None = None
     heading: HeadingPart | None = None
     proposal: ProposalPart | None = None
+    deviation: DeviationPart | None = None
     training: dict[str, Any] = {}  # the settings it was trained with
     data_sha256: dict[str, str] = {}  # of the training and validation arrays
     metrics: dict[str, float | None] = {}  # in degrees where the name says so
@@ -96,12 +104,12 @@ class Bundle(Strict):
 
 
 def read_bundle(folder: str | Path) -> Bundle:
-    """Read `bundle.json` and check the networks beside it against their checksums.
+    """Read `bundle.json` and check the files beside it against their checksums.
 
     Raises
     ------
     InputError
-        If the folder is no bundle, is of another schema, or a network is missing or changed.
+        If the folder is no bundle, is of another schema, or a file is missing or changed.
     """
     folder = Path(folder)
     path = folder / "bundle.json"
@@ -119,7 +127,7 @@ def read_bundle(folder: str | Path) -> Bundle:
             f"{path}: {where}: {first['msg']} (got {str(first['input'])[:60]!r}). "
             f"A bundle of schema {SCHEMA} is expected; train it again with this version of gyronorth."
         ) from None
-    for part in (bundle.denoiser, bundle.heading, bundle.proposal):
+    for part in (bundle.denoiser, bundle.heading, bundle.proposal, bundle.deviation):
         if part is not None and checksum(_inside(folder, part.file)) != part.sha256:
             raise InputError(
                 f"{folder / part.file} does not match its checksum in bundle.json: "
@@ -149,7 +157,7 @@ def checksum(path: Path) -> str:
 
 def _inside(folder: Path, name: str) -> Path:
     if Path(name).name != name:
-        raise InputError(f"bundle.json names the network {name!r}; a file name in the bundle's own folder is expected.")
+        raise InputError(f"bundle.json names the file {name!r}; a file name in the bundle's own folder is expected.")
     return folder / name
 
 
@@ -177,7 +185,7 @@ def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Mismatch]:
     """Every way in which the recording does not fit the bundle; empty if it fits."""
     domain = bundle.domain
     found: list[Mismatch] = []
-    if bundle.heading is None and bundle.proposal is None:
+    if bundle.heading is None and bundle.proposal is None and bundle.deviation is None:
         found.append(Mismatch("the bundle holds a denoiser only and gives no heading", None, None))
     if facts.rate_hz < domain.rate_hz * (1 - 1e-9):
         text = f"the recording's rate of {facts.rate_hz:g} Hz is below the bundle's {domain.rate_hz:g} Hz"

@@ -13,6 +13,7 @@ from gyronorth.alignment.amortised import Amortised, Propose, amortised
 from gyronorth.alignment.bundle import Bundle, Mismatch, RecordingFacts, mismatch, read_bundle
 from gyronorth.alignment.diffusion import Predict, denoise, white_noise
 from gyronorth.angles import wrap_heading
+from gyronorth.deviation import DeviationModel, read_deviation
 from gyronorth.earth import EARTH_RATE
 from gyronorth.recording import InputError
 from gyronorth.sensor import TriadErrors
@@ -31,6 +32,7 @@ class LoadedBundle:
     denoiser: InferenceSession | None
     heading: InferenceSession | None
     proposal: InferenceSession | None = None
+    deviation: DeviationModel | None = None
 
 
 def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
@@ -62,6 +64,7 @@ def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
         None if info.denoiser is None else session(info.denoiser.file),
         None if info.heading is None else session(info.heading.file),
         None if info.proposal is None else session(info.proposal.file),
+        None if info.deviation is None else read_deviation(Path(folder, info.deviation.file)),
     )
 
 
@@ -143,7 +146,9 @@ def solve(
     Recordings go one by one, so that none depends on those beside it.
     """
     if bundle.proposal is None or bundle.info.proposal is None:
-        raise InputError(f"The bundle {bundle.name} holds no proposal network; it is none for the method learned.")
+        raise InputError(
+            f"The bundle {bundle.name} holds neither proposals nor a deviation curve: none for the method learned."
+        )
     window = last_window(bundle, gyro_l, rate_hz=rate_hz)
     if window.ndim != 3 or window.shape[1] < bundle.info.domain.samples or window.shape[2] != 3:
         raise InputError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
@@ -12,12 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.diffusion import white_noise
+from gyronorth.calibration import observe
 from gyronorth.conditioning import decimated
+from gyronorth.deviation import FEWEST
 from gyronorth.earth import earth_rate_n
 from gyronorth.learn.settings import Settings
 from gyronorth.levelling import level, mat_bn, mat_lb
+from gyronorth.pipeline import LATITUDE_CONFLICT
 from gyronorth.readers import ReadOptions, read, recordings_in
-from gyronorth.recording import InputError
+from gyronorth.recording import InputError, Recording
 
 Array = NDArray[np.float64]
 
@@ -66,6 +70,16 @@ class HeadingSet:
 
 
 @dataclass(frozen=True)
+class Swing:
+    """Whole recordings at known headings, one entry each, as a deviation is fitted to them (`fit_deviation`)."""
+
+    heading: Array  # (n,) of the closed form, rad
+    surplus: Array  # (n,) `rate_surplus` of the mean rate
+    heading_true: Array  # (n,) rad
+    duration: float  # median, s
+
+
+@dataclass(frozen=True)
 class TrainingData:
     """What trains and validates a heading network, and where it comes from."""
 
@@ -77,6 +91,7 @@ class TrainingData:
     unit: str | None = None  # serial number of the sensor, when all data are of one
     session: str | None = None  # power-up session(s)
     test: HeadingSet | None = None  # its error is recorded and decides nothing
+    swing: Swing | None = None  # of the training and validation recordings, when one set's deviation can be learned
 
 
 def synthetic_set(*, headings: int = 720, latitude: float = 0.0, samples: int = 300) -> HeadingSet:
@@ -159,35 +174,82 @@ def read_folder(
     InputError
         If a file has no reference heading or is shorter than one window, or there is no file.
     """
-    rows: list[Array] = []
-    heading: list[float] = []
-    ids: list[int] = []
-    for number, path in enumerate(recordings_in(Path(folder))):
+    parts = [
+        _windows(recording, number, rate_hz=rate_hz, samples=samples, windows=windows)
+        for number, recording in enumerate(_known_recordings(Path(folder), reading))
+    ]
+    return _joined(parts, folder)
+
+
+def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | None = None) -> TrainingData:
+    """A user's recordings, split 24/4/6 by recording, with what is known of where they come from.
+
+    Where all are of one session (or none says one) and of one known latitude, and enough to learn a deviation
+    from, `swing` holds what it is fitted to.
+    """
+    given = None if reading is None else reading.latitude
+    parts, seen, latitudes, sessions = [], [], [], []
+    for number, recording in enumerate(_known_recordings(Path(folder), reading)):
+        parts.append(_windows(recording, number, rate_hz=settings.rate_hz, samples=settings.samples))
+        sessions.append(recording.session)
+        latitude = recording.latitude if given is None else given
+        latitudes.append(latitude)
+        seen.append((0.0, 0.0, 0.0, 0.0) if latitude is None else (*observe(recording, latitude), recording.duration))
+    data = _joined(parts, folder)
+    rng = np.random.default_rng([settings.seed, len(data.heading)])
+    train, validation, test = split_recordings(data, (24, 4, 6), rng=rng)
+    latitude = _common(latitudes)
+    swing, known = None, np.unique(np.concatenate([train.recording, validation.recording]))
+    if latitude is not None and len(set(sessions)) == 1 and len(known) >= FEWEST:
+        heading, surplus, truth, duration = np.array(seen)[known].T
+        swing = Swing(heading, surplus, truth, float(np.median(duration)))
+    return TrainingData(
+        train,
+        validation,
+        test=test,
+        source=f"own recordings: {Path(folder).name}",
+        latitude=latitude,
+        session=sessions[0] if len(set(sessions)) == 1 else ", ".join(sorted({str(s) for s in sessions})),
+        swing=swing,
+    )
+
+
+def _known_recordings(folder: Path, reading: ReadOptions | None) -> Iterator[Recording]:
+    for path in recordings_in(folder):
         recording = read(path, reading or ReadOptions())
-        truth = recording.heading_true
-        if truth is None:
+        if recording.heading_true is None:
             raise InputError(
                 f"{path} has no reference heading, which training needs. "
                 "Give it as `# heading_true_deg: ...` or in the name of a file of the published layout."
             )
-        if recording.accel_b is not None:
-            recording = recording.rotated(mat_lb(*level(recording.accel_b.mean(axis=0))))
-        slow = decimated(recording, rate_hz).gyro_b
-        count = min(windows, len(slow) // samples)
-        if count == 0:
-            raise InputError(f"{path} lasts {recording.duration:g} s; a window of {samples / rate_hz:g} s is expected.")
-        rows.extend(slow[: count * samples].reshape(count, samples, 3))
-        heading.extend([truth] * count)
-        ids.extend([number] * count)
-    if not rows:
+        yield recording
+
+
+def _windows(recording: Recording, number: int, *, rate_hz: float, samples: int, windows: int = 1) -> HeadingSet:
+    """The first windows of one recording, levelled and decimated."""
+    assert recording.heading_true is not None
+    if recording.accel_b is not None:
+        recording = recording.rotated(mat_lb(*level(recording.accel_b.mean(axis=0))))
+    slow = decimated(recording, rate_hz).gyro_b
+    count = min(windows, len(slow) // samples)
+    if count == 0:
+        raise InputError(
+            f"{recording.source} lasts {recording.duration:g} s; a window of {samples / rate_hz:g} s is expected."
+        )
+    gyro = slow[: count * samples].reshape(count, samples, 3)
+    return HeadingSet(gyro, np.full(count, recording.heading_true), np.full(count, number))
+
+
+def _joined(parts: list[HeadingSet], folder: str | Path) -> HeadingSet:
+    if not parts:
         raise InputError(f"{folder} holds no recordings to train on.")
-    return HeadingSet(np.array(rows), np.array(heading), np.array(ids))
+    columns = [[getattr(part, name) for part in parts] for name in ("gyro_l", "heading", "recording")]
+    return HeadingSet(*(np.concatenate(column) for column in columns))
 
 
-def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | None = None) -> TrainingData:
-    """A user's recordings, split 24/4/6 by recording, with what is known of where they come from."""
-    data = read_folder(folder, rate_hz=settings.rate_hz, samples=settings.samples, reading=reading)
-    rng = np.random.default_rng([settings.seed, len(data.heading)])
-    train, validation, test = split_recordings(data, (24, 4, 6), rng=rng)
-    latitude = None if reading is None else reading.latitude
-    return TrainingData(train, validation, test=test, source=f"own recordings: {Path(folder).name}", latitude=latitude)
+def _common(latitudes: list[float | None]) -> float | None:
+    """The latitude, rad, where all recordings agree on one."""
+    known = [latitude for latitude in latitudes if latitude is not None]
+    if not known or len(known) < len(latitudes) or np.ptp(known) > LATITUDE_CONFLICT:
+        return None
+    return float(np.median(known))

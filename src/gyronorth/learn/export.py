@@ -12,8 +12,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from gyronorth.alignment.bundle import Bundle, DenoiserPart, Domain, HeadingPart, checksum
+from gyronorth.alignment.bundle import Bundle, DenoiserPart, DeviationPart, Domain, HeadingPart, checksum
 from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.deviation import DeviationModel, fit_deviation, rate_surplus
 from gyronorth.learn.data import TrainingData, noise_deg_s
 from gyronorth.learn.regressor import precise
 from gyronorth.learn.settings import Settings
@@ -71,15 +72,20 @@ def export_bundle(
         rate = torch.zeros(1, settings.samples, 3, dtype=torch.float64)
         _export(precise(heading.network), {"rate": rate}, "heading", part / "heading.onnx")
         heading_part = HeadingPart(sha256=checksum(part / "heading.onnx"), output=settings.heading.output)
+    curve, deviation_part = _deviation(data), None
+    if curve is not None:
+        curve.write(part / "deviation.json")
+        deviation_part = DeviationPart(sha256=checksum(part / "deviation.json"))
     bundle = Bundle(
         method="denoiser" if heading is None else "paper" if denoiser is not None else "baseline",
         layout=settings.layout,
         domain=_domain(settings, data),
         denoiser=denoiser_part,
         heading=heading_part,
+        deviation=deviation_part,
         training=settings.model_dump(mode="json"),
         data_sha256={} if data is None else {"train": data.train.sha256(), "validation": data.validation.sha256()},
-        metrics=_metrics(denoiser, heading, data),
+        metrics=_metrics(denoiser, heading, data, curve),
         provenance={
             "gyronorth": _version("gyronorth"),
             "torch": torch.__version__,
@@ -128,8 +134,26 @@ def _domain(settings: Settings, data: TrainingData | None) -> Domain:
     )
 
 
+def _deviation(data: TrainingData | None) -> DeviationModel | None:
+    """The correction of the closed form that the unit's own recordings teach."""
+    if data is None or data.swing is None:
+        return None
+    swing = data.swing
+    return fit_deviation(
+        swing.heading,
+        swing.surplus,
+        swing.heading_true,
+        unit=data.unit,
+        session=data.session,
+        duration=swing.duration,
+    )
+
+
 def _metrics(
-    denoiser: TrainedDenoiser | None, heading: TrainedHeading | None, data: TrainingData | None
+    denoiser: TrainedDenoiser | None,
+    heading: TrainedHeading | None,
+    data: TrainingData | None,
+    curve: DeviationModel | None,
 ) -> dict[str, float | None]:
     metrics: dict[str, float | None] = {}
     for name, trained in (("denoiser", denoiser), ("heading", heading)):
@@ -144,7 +168,10 @@ def _metrics(
             metrics[f"{name}_recordings"] = float(len(np.unique(part.recording)))
             mean = part.gyro_l.mean(axis=1)
             closed_form = np.arctan2(-mean[:, 1], mean[:, 0])
-            for method, estimate in (("model_based", closed_form), ("network", heading.headings(part.gyro_l))):
+            estimates = {"model_based": closed_form, "network": heading.headings(part.gyro_l)}
+            if curve is not None and data.latitude is not None and part is data.test:
+                estimates["deviation"] = curve.correct(closed_form, rate_surplus(mean, data.latitude))[0]
+            for method, estimate in estimates.items():
                 metrics[f"{name}_{method}_crmse_deg"] = float(
                     np.degrees(cyclic_rmse(angle_error(estimate, part.heading)))
                 )
@@ -179,6 +206,11 @@ def model_card(bundle: Bundle) -> str:
             f"- Denoiser: normalised per {bundle.denoiser.normalisation.kind}; sampler {sampler.kind} "
             f"back to step {sampler.t_back} of {schedule.steps}."
         )
+    if bundle.deviation is not None:
+        lines.append(
+            "- `heading --method learned --model` with this bundle corrects the closed form by the deviation of the "
+            "training and validation recordings (`deviation.json`), in their session only."
+        )
     if domain.unit or domain.session:
         lines.append(
             f"- **Carries the deviation of unit {domain.unit or 'not stated'}, session "
@@ -186,12 +218,16 @@ def model_card(bundle: Bundle) -> str:
             "hold for another."
         )
     if "validation_network_crmse_deg" in metrics:
-        lines += ["", "| cyclic RMSE, deg | closed form | this network |", "|---|---|---|"]
+        methods = {"model_based": "closed form", "network": "this network"}
+        if bundle.deviation is not None:
+            methods["deviation"] = "learned + deviation"
+        lines += ["", f"| cyclic RMSE, deg | {' | '.join(methods.values())} |", "|---" * (len(methods) + 1) + "|"]
         for name in ("train", "validation", "test"):
             if f"{name}_recordings" not in metrics:
                 continue
-            row = (metrics[f"{name}_model_based_crmse_deg"], metrics[f"{name}_network_crmse_deg"])
-            lines.append(f"| {name} ({metrics[f'{name}_recordings']:.0f} recordings) | {row[0]:.2f} | {row[1]:.2f} |")
+            row = [metrics.get(f"{name}_{method}_crmse_deg") for method in methods]
+            cells = " | ".join("" if value is None else f"{value:.2f}" for value in row)
+            lines.append(f"| {name} ({metrics[f'{name}_recordings']:.0f} recordings) | {cells} |")
         lines += [
             "",
             "All recordings are of one set: no row is the error to expect on recordings of another unit or day. "
