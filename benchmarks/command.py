@@ -19,6 +19,7 @@ from gyronorth.readers import write
 from gyronorth.simulation import simulate
 
 DURATION, RATE_HZ, SEED = 100.0, 600.0, 20260501
+MEMORY_MB = 400
 SCRIPT = """
 import sys
 import numpy as np
@@ -57,6 +58,25 @@ def comparisons() -> Iterator[Comparison]:
             candidates={"gyronorth heading": lambda: _run(ours), "numpy script": lambda: _run(theirs)},
             limit=2.0,
         )
+        paper = [*ours, "--method", "paper"]
+        print(f"\ngyronorth heading --method paper: peak memory {_peak_mb(paper):.0f} MB, promised {MEMORY_MB}")
+        yield Comparison(
+            "the same by the shipped bundle of the paper's system, PyTorch not loaded",
+            ours="--method paper",
+            candidates={"--method paper": lambda: _run(paper), "--method mean": lambda: _run(ours)},
+            limit=3.0,
+        )
+
+
+def _peak_mb(command: list[str]) -> float:
+    """Largest resident memory of the command, MB; ends the run if it is more than promised."""
+    code = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL); "
+    code += "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024)"
+    found = subprocess.run([sys.executable, "-c", code, *command], check=True, capture_output=True, text=True)
+    peak = float(found.stdout)
+    if peak > MEMORY_MB:
+        raise SystemExit(f"{' '.join(command)} took {peak:.0f} MB, promised {MEMORY_MB}.")
+    return peak
 
 
 def _run(command: list[str]) -> None:
