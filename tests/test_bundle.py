@@ -249,6 +249,12 @@ def test_a_units_bundle_leaves_other_sessions_alone(own_bundle, session):
     assert any("not applied" in warning.message for warning in found.warnings)
 
 
+def test_a_bundle_of_another_method_is_refused(own_bundle):
+    with pytest.raises(InputError, match="is one of method paper, but method baseline"):
+        heading(biased("s"), method="baseline", model=own_bundle)
+    assert heading(biased("s"), method="paper", model=own_bundle).bundle == "b"
+
+
 def test_a_units_bundle_is_refused_where_it_does_not_fit_and_in_batches(own_bundle, tmp_path):
     found = heading(biased("s", latitude=0.0), method="learned", model=own_bundle, sensor="sdc500")
     assert [reason.code for reason in found.reasons] == ["bundle_mismatch"]

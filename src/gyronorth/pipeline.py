@@ -346,6 +346,11 @@ def _find(
             solution, fits = solve_learned(data, closed, moved, bundle)
             warnings = () if fits or not solution.parts else (Finding("swaying", UNLEARNED),)
             return _Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings)
+        if bundle.info.method in set(TRAINED) - {method}:
+            raise InputError(
+                f"The bundle {bundle.name} is one of method {bundle.info.method}, but method {method} was asked for. "
+                f"Use --method {bundle.info.method} with it."
+            )
         return _Found(method, solve_network(data, closed, bundle), "asked for", moved, bundle=bundle.name)
     mean = solve_mean(data, closed, moved)
     if method == "mean":
