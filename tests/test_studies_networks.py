@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ from gyronorth.angles import angle_error
 from gyronorth.recording import InputError, Recording
 from gyronorth.simulation import simulate
 from gyronorth.studies import networks, paper_table_2, paper_variants
-from gyronorth.studies.network_tables import DIVERGED, network_row
+from gyronorth.studies.network_tables import DIVERGED, circle_lost, network_row
 from gyronorth.studies.networks import BASELINE, WITHOUT_DENOISER, denoiser_unit, heading_unit, splits_of
+from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.published_splits import split_units
 from gyronorth.studies.source import described, public_recordings, recordings_of
 from gyronorth.studies.study import Plan
+from gyronorth.twin import model_based
 
 PLAN = Plan(epochs=1)
 TINY = {
@@ -78,6 +81,37 @@ def test_a_trained_unit_tells_errors_of_each_part_and_the_closed_form_beside():
     assert {"loss", "validation", "test"} <= set(result["history"][0])
     row = network_row("tiny", [result], seed=0)
     assert row[3].value > 10  # one epoch of four units knows no heading
+    assert len(result["circle_error_deg"]) == networks.CIRCLE
+    assert float(row[7].split()[0]) > 50  # so most of the circle is lost
+
+
+class OffBeyond270:
+    """A network that knows all headings but those from 270 deg on, where it is off by 90 deg."""
+
+    settings = SimpleNamespace(samples=3)
+
+    def headings_of_clean(self, gyro_l):
+        heading = model_based(gyro_l)
+        return np.where(heading >= 1.5 * np.pi - 1e-9, heading - np.pi / 2, heading)
+
+
+def test_the_lost_part_of_the_circle_is_counted():
+    error = networks.circle_error(OffBeyond270())
+    assert_allclose(error[:135], 0, atol=1e-9)
+    assert_allclose(error[135:], -90)
+    assert circle_lost([{"circle_error_deg": error}]) == "25.0 %"
+
+
+def test_cost_of_training_is_of_both_stages():
+    def cheap(*, layout, **_):
+        return {"denoiser_epoch_s": 2.0, "heading_epoch_s": 3.0, "denoise_s": 60.0} | {
+            "denoiser_epochs": 30,
+            "heading_epochs": 20,
+        }
+
+    results = {name: cheap(layout=name) for name in ("cost/flattened", "cost/temporal")}
+    table = COST.report(PLAN, results).tables[0]
+    assert [row[-1] for row in table.rows] == [3.0, 3.0]  # (30 x 2 + 20 x 3 + 60) s
 
 
 def test_a_denoiser_unit_is_rebuilt_as_it_was_trained():

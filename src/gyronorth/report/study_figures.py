@@ -69,6 +69,29 @@ def _ratios(figure: Figure, study: Study) -> None:
     axes.set_xlabel("CRMSE, ratio to model-based, 95 % interval")
 
 
+def _table_2(figure: Figure, study: Study) -> None:
+    """Ratios, and below where on the circle the paper's network knows no heading, with either output."""
+    figure.set_size_inches(10.0, 7.5)
+    parts: Any = figure.subfigures(2, 1, height_ratios=(3, 2))
+    table = study["tables"][0]
+    column = table["columns"].index(_RATIO)
+    top = parts[0].subplots()
+    _intervals(top, [(row[0], row[column]) for row in table["rows"] if isinstance(row[column], dict)])
+    top.set(title=table["title"], xlabel="CRMSE, ratio to model-based, 95 % interval", xscale="log")
+    bottom, circle = parts[1].subplots(), dict(study["curves"]["circle"])
+    heading = circle.pop("heading_deg")
+    for (label, values), colour, style in zip(circle.items(), (RED, BLUE), _STYLES, strict=False):
+        bottom.plot(heading, np.array(values, float), color=colour, linestyle=style, label=label)
+    bottom.set(
+        title="One trained network asked for the heading of a clean Earth rate",
+        xlabel="heading (deg)",
+        ylabel="error (deg)",
+        xlim=(0, 360),
+        xticks=range(0, 361, 45),
+    )
+    bottom.legend()
+
+
 def _intervals(axes: Axes, rows: Sequence[tuple[str, dict]]) -> None:
     for place, (_, cell) in enumerate(rows):
         axes.plot([cell["low"], cell["high"]], [place, place], color=BLUE, linewidth=3, alpha=0.45)
@@ -129,7 +152,7 @@ FIGURES: dict[str, Callable[[Figure, Study], None]] = {
     "leave_one_out": _ratios,
     "arcs": _ratios,
     "splits": _ratios,
-    "table_2": _ratios,
+    "table_2": _table_2,
     "scale": _scale,
     "t_back": _t_back,
     "duration": _duration,

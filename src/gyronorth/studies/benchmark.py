@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gyronorth.recording import InputError
 from gyronorth.studies.disturbed import DISTURBED
+from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
@@ -27,6 +28,7 @@ STUDIES: tuple[Study, ...] = (
     SWEEP,
     DURATION,
     SPREAD,
+    COST,
     *VARIANTS,
     DISTURBED,
 )

@@ -21,10 +21,20 @@ COLUMNS = (
     "validation, deg",
     "test, deg",
     "test, ratio to model-based",
+    "test, median error, deg",
+    "tests lost",
+    "circle lost",
     "splits won",
     "epochs",
 )
 DIVERGED = "diverged"
+#: An error beyond this, deg, is called lost: several times what any bias of the set explains.
+LOST_DEG = 20.0
+LOST = (
+    f"Lost: in error by more than {LOST_DEG:g} deg. `circle lost` asks the trained networks for the heading of a "
+    "clean, unbiased Earth rate all around the circle: a heading in degrees modulo 360 has to jump somewhere, and in "
+    "that arc and in gaps between the training headings the network knows none."
+)
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,14 @@ class Pooled:
         error, reference = np.concatenate(self.error), np.concatenate(self.reference)
         return bootstrap_ratio(error, reference, self.recording, rng=np.random.default_rng(seed))
 
+    def median(self) -> float:
+        """Median of the absolute error, deg."""
+        return float(np.degrees(np.median(np.abs(np.concatenate(self.error)))))
+
+    def lost(self) -> str:
+        """Share of the tests in error by more than `LOST_DEG`."""
+        return _percent(np.abs(np.degrees(np.concatenate(self.error))) > LOST_DEG)
+
     def wins(self) -> float:
         """Share of the trainings that beat the model-based heading."""
         return share_of_wins(self.error, self.reference)
@@ -68,10 +86,20 @@ def network_row(label: str, results: Sequence[Result], seed: int) -> tuple:
     """One row: CRMSE on the three parts, ratio on test, splits won, epochs of the chosen weights."""
     by_part = {part: pooled(results, part) for part in PARTS}
     if not all(one.finite for one in by_part.values()):
-        return (label, DIVERGED, DIVERGED, DIVERGED, None, None, _epochs(results))
+        return (label, DIVERGED, DIVERGED, DIVERGED, None, None, None, None, None, _epochs(results))
     single = [float(np.degrees(cyclic_rmse(np.concatenate(by_part[part].error)))) for part in PARTS[:2]]
     test = by_part["test"]
-    return (label, *single, test.crmse(seed), test.ratio(seed), test.wins(), _epochs(results))
+    figures = (test.crmse(seed), test.ratio(seed), test.median(), test.lost(), circle_lost(results), test.wins())
+    return (label, *single, *figures, _epochs(results))
+
+
+def circle_lost(results: Sequence[Result]) -> str:
+    """Share of all headings at which the trained networks err by more than `LOST_DEG` on a clean Earth rate."""
+    return _percent(np.abs(np.concatenate([np.array(r["circle_error_deg"], float) for r in results])) > LOST_DEG)
+
+
+def _percent(hits: NDArray[np.bool_]) -> str:
+    return f"{100 * np.mean(hits):.1f} %"
 
 
 def spread(results: Sequence[Result], part: str = "test") -> tuple[float, float]:

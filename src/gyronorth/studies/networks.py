@@ -27,7 +27,7 @@ from gyronorth.twin import LATITUDE, Twin, model_based
 if TYPE_CHECKING:
     from gyronorth.learn.data import HeadingSet, TrainingData
     from gyronorth.learn.settings import Settings
-    from gyronorth.learn.stages import TrainedDenoiser
+    from gyronorth.learn.stages import TrainedDenoiser, TrainedHeading
 
 PARTS = ("train", "validation", "test")
 Variant = Mapping[str, Any]
@@ -46,6 +46,11 @@ BASELINE: Variant = {
 }
 PAPER: Variant = {}
 WITHOUT_DENOISER: Variant = {"heading": {"denoised": False}}
+COS_SIN: Variant = {"heading": {"output": "cos_sin"}}
+#: What is left of the paper's heading network when nothing is kept that does not help.
+OWN_NETWORK: Variant = {"heading": {"denoised": False, "output": "cos_sin", "augment": {"noise": "redrawn"}}}
+#: Headings at which a trained network is asked for that of a clean Earth rate, evenly over the circle.
+CIRCLE = 180
 
 
 def splits_of(plan: Plan, count: int) -> list[Split]:
@@ -60,10 +65,10 @@ def denoiser_unit(variant: Variant, plan: Plan, *, seed: int, split: Split | Non
     Its clean data are the synthetic set, or with `split` its noisy real recordings.
     """
     about = {k: v for k, v in variant.items() if k not in ("heading", "sampler")}
-    settings = _merged({"seed": seed, "denoiser": _capped({}, plan)}, about)
+    settings = merged({"seed": seed, "denoiser": _capped({}, plan)}, about)
     arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed, "real": None}
     if split is not None:
-        arguments |= {"real": _split_json(split), **plan.source()}
+        arguments |= {"real": split_json(split), **plan.source()}
     return Unit(f"denoiser/{_digest(arguments)}", train_denoiser_unit, arguments)
 
 
@@ -72,14 +77,14 @@ def heading_unit(
 ) -> Unit:
     """Train the heading network of a variant on a split; its denoiser is trained before, once for all seeds."""
     default = {"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}
-    settings = _merged(default, variant)
+    settings = merged(default, variant)
     if plan.epochs is not None:
         settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
     needs: tuple[Unit, ...] = ()
     if settings["heading"].get("denoised", True):
         of_length = variant if duration == WINDOW else {**variant, "samples": round(3 * duration)}
         needs = (denoiser or denoiser_unit(of_length, plan, seed=plan.seed),)
-    arguments = {"settings": settings, "split": _split_json(split), **plan.source()}
+    arguments = {"settings": settings, "split": split_json(split), **plan.source()}
     named = {"arguments": arguments, "needs": [need.name for need in needs]}
     return Unit(f"network/{_digest(named)}", train_heading_unit, arguments, needs)
 
@@ -133,7 +138,19 @@ def train_heading_unit(*needs: Result, settings: dict, split: dict, seed: int, d
             "model_based_deg": _degrees(angle_error(model_based(part.gyro_l), part.heading)),
             "denoised_mean_deg": _degrees(angle_error(model_based(cleaned), part.heading)),
         }
+    result["circle_error_deg"] = circle_error(trained)
     return result
+
+
+def circle_error(trained: TrainedHeading) -> list[float | None]:
+    """Error, deg, of a heading network on clean Earth rates all around the circle: where it has learnt no heading.
+
+    A heading in degrees modulo 360 must jump somewhere; a steep slope stands in for the jump, and there it is lost.
+    """
+    from gyronorth.learn.data import synthetic_set
+
+    clean = synthetic_set(headings=CIRCLE, latitude=LATITUDE, samples=trained.settings.samples)
+    return _degrees(angle_error(trained.headings_of_clean(clean.gyro_l), clean.heading))
 
 
 def split_data(split: dict, recordings: Twin, settings: Settings) -> TrainingData:
@@ -200,14 +217,16 @@ def _capped(section: dict, plan: Plan) -> dict:
     return section if plan.epochs is None else {**section, "epochs": plan.epochs}
 
 
-def _merged(base: Mapping, change: Mapping) -> dict:
+def merged(base: Mapping, change: Mapping) -> dict:
+    """Nested settings with some of them changed."""
     out = dict(base)
     for key, value in change.items():
-        out[key] = _merged(out.get(key, {}), value) if isinstance(value, Mapping) else value
+        out[key] = merged(out.get(key, {}), value) if isinstance(value, Mapping) else value
     return out
 
 
-def _split_json(split: Split) -> dict:
+def split_json(split: Split) -> dict:
+    """A split as an argument of a unit."""
     return {name: np.sort(getattr(split, name)).tolist() for name in PARTS}
 
 
