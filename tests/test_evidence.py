@@ -32,6 +32,9 @@ def brute_force(errors, x, masked, frequencies, decay):
         for wave in np.pi * (np.arange(WALK_MODES) + 0.5):
             mode = WALK_RATE * np.sqrt(2) / wave * np.sin(wave * time * RATE_HZ / N)
             cov = cov + np.outer(mode, mode)
+    elif isinstance(decay, str):  # a tilt: two horizontal axes of TILT_ANGLE sqrt(3 / 2), here three of less
+        tau = float(decay.removeprefix("tilt "))
+        cov = cov + (np.radians(0.01) / tau) ** 2 * 2 / 3 * np.outer(np.exp(-time / tau), np.exp(-time / tau))
     elif decay is not None:
         cov = cov + SETTLING_RATE**2 * np.outer(np.exp(-time / decay), np.exp(-time / decay))
     keep = ~masked
@@ -52,7 +55,8 @@ def test_evidence_of_every_model_is_the_marginal_likelihood(errors, bumped):
     bins = np.array(TIME_CONSTANT_BINS)
     middle = (bins[1:] + bins[:-1]) / 2
     found, expected = [], []
-    for slow, decay in ((0, None), (1, middle[0]), (len(middle), middle[-1])):
+    tilt = f"tilt {np.sqrt(30 * 60)}"
+    for slow, decay in ((0, None), (1, middle[0]), (len(middle), middle[-1]), (len(middle) + 1, tilt)):
         for which in range(7):
             tones = [t for t in (models.first[which], models.second[which]) if t >= 0]
             prior = kinds[slow, len(tones)] + (np.log(2) if len(tones) == 2 else 0)
@@ -97,10 +101,11 @@ def test_estimate_is_generalised_least_squares():
 
 
 def test_priors_are_a_distribution():
-    share = np.array([0.25, 0.75])
+    share = law(N, RATE_HZ, WHITE).share
+    settles = slice(1, 1 + len(TIME_CONSTANT_BINS) - 1)
     for bumped in (False, True):
         assert_allclose(np.exp(log_kinds(share, bumped=bumped)).sum(), 1.0, rtol=1e-12)
     # A bump tells of a unit that is handled: settling and tones are then more likely than without.
     quiet, struck = (np.exp(log_kinds(share, bumped=bumped)) for bumped in (False, True))
-    assert struck[1:3].sum() > quiet[1:3].sum()
+    assert struck[settles].sum() > quiet[settles].sum()
     assert struck[:, 1:].sum() > quiet[:, 1:].sum()

@@ -129,11 +129,14 @@ def coverage(
     pick = rng.integers(len(sums), size=(draws, len(sums)))
     shares = sums[pick].sum(axis=1) / counts[pick].sum(axis=1)
     low, high = np.quantile(shares, [0.025, 0.975])
-    n, z = len(sums), 1.96
-    if low == high:  # Wilson, "Probable inference", JASA 22, 1927
-        centre, half = (value + z**2 / (2 * n)), z * np.sqrt(value * (1 - value) / n + z**2 / (4 * n**2))
-        low, high = (centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)
-    return Interval(float(value), float(low), float(high))
+    return wilson(float(value), len(sums)) if low == high else Interval(float(value), float(low), float(high))
+
+
+def wilson(value: float, n: int) -> Interval:
+    """A share of n independent tests with Wilson's 95 % interval ("Probable inference", JASA 22, 1927, 209-212)."""
+    z = 1.96
+    centre, half = (value + z**2 / (2 * n)), z * np.sqrt(value * (1 - value) / n + z**2 / (4 * n**2))
+    return Interval(value, float((centre - half) / (1 + z**2 / n)), float((centre + half) / (1 + z**2 / n)))
 
 
 def share_of_wins(errors: Sequence[ArrayLike], references: Sequence[ArrayLike]) -> float:

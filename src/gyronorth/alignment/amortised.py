@@ -1,7 +1,7 @@
 """Heading of a disturbed recording: a network proposes bumps and tones, closed-form evidence decides.
 
 The network (`Propose`) says which samples lie in a bump and on which frequencies tones may be. On
-those few frequencies every model of a constant, at most two tones, a settling exponential and the
+those few frequencies every model of a constant, at most two tones, a settling exponential or a slow tilt and the
 sensor's noise is weighed by its exact evidence (`evidence`), first on the grid of the
 proposals, then on finer ones where the tones are. Samples that the best model cannot explain
 are left out, and samples that it can are taken back: a wrong proposal costs accuracy only if it
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.bayes import UNKNOWN_BIAS, white_of
-from gyronorth.alignment.evidence import Columns, Evidence, Law, columns, evidence, law, network_axes
+from gyronorth.alignment.evidence import TILTS, Columns, Evidence, Law, columns, evidence, law, network_axes
 from gyronorth.angles import wrap_heading
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -66,6 +66,7 @@ class Amortised:
     rate_l: Array  # (3,) expected constant rate, rad/s
     tones: float  # expected number
     settling: float  # probability that the bias settles
+    tilt: float  # probability that the unit tilts slowly
     walk: float  # probability that it walks
     bumps: int  # samples left out
     excess: float  # mean squared residual over the law's variance; above `fits`' limit sigma was scaled up by its root
@@ -213,7 +214,8 @@ def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, e
         high=high,
         rate_l=rate @ weight,
         tones=float(weight @ (models.first[which] >= 0) + weight @ (models.second[which] >= 0)),
-        settling=float(weight @ ((slow > 0) & (slow < last))),
+        settling=float(weight @ ((slow > 0) & (slow < last - TILTS))),
+        tilt=float(weight @ ((slow >= last - TILTS) & (slow < last))),
         walk=float(weight @ (slow == last)),
         bumps=bumps,
         excess=excess,

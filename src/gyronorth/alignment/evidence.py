@@ -2,9 +2,9 @@
 
 The law is that of `gyronorth.alignment.bayes`: a constant, at most two tones, at most one settling
 exponential, samples left out in bumps. Here the frequencies come from outside, few enough for
-all time constants and all pairs to be worked in one array operation. Two things are added. Settling, tones
-and bumps are not independent: they come in kinds of recording, `KINDS`. And in place of settling
-the bias may walk from switch-on, as a sensor's rate random walk does, by more than the
+all time constants and all pairs to be worked in one array operation. Three things are added. Settling, tones
+and bumps are not independent: they come in kinds of recording, `KINDS`. A unit whose bias does not settle may tilt
+slowly, at the rate of an angle that settles. And in place of both the bias may walk from switch-on, as a sensor's rate random walk does, by more than the
 profile says: that is what is left when nothing else explains a slow change.
 """
 
@@ -28,14 +28,19 @@ Mask = NDArray[np.bool_]
 #: probabilities of no, one and two tones.
 KINDS = (
     (0.36, 0.6, True, (0.09, 0.42, 0.49)),  # the reference mix
-    (0.50, 0.0, False, (1.0, 0.0, 0.0)),  # quiet
-    (0.02, 0.0, True, (1.0, 0.0, 0.0)),  # warm-up alone
+    (0.47, 0.0, False, (1.0, 0.0, 0.0)),  # quiet
+    (0.05, 0.0, True, (1.0, 0.0, 0.0)),  # warm-up alone
     (0.04, 0.0, False, (0.0, 0.3, 0.7)),  # sway alone
     (0.08, 1.0, False, (0.8, 0.1, 0.1)),  # bumps
 )
+#: Slow tilt where no bias settles: probability, angle, rad, and bins of its time constant, s, which is uniform over
+#: them. Its two horizontal axes are taken as three of as much energy.
+TILT, TILT_ANGLE, TILT_BINS = 0.15, np.radians(0.01) * np.sqrt(2 / 3), (30.0, 60.0, 110.0, 190.0, 300.0)
 #: Walking bias: probability, rate at the end of the recording (one standard deviation), rad/s, and how many of its
 #: Karhunen-Loeve modes are taken: its slow part, 97 % of its variance.
 WALK, WALK_RATE, WALK_MODES = 0.02, 3 * DEG_PER_HOUR, 6
+
+TILTS = len(TILT_BINS) - 1
 
 #: The entries of the symmetric 4 x 4 matrix of the constant and the three axes that are needed:
 #: the information, three products with it, three squares.
@@ -63,7 +68,7 @@ class Law:
     log_prior: Array  # (f,) of one tone in the cell around each frequency
     constant: Array  # (n,)
     settling: Array  # (n, k + modes) exponentials, then modes of a walk, in units of their prior deviation
-    share: Array  # (k,) prior of each exponential if the bias settles
+    share: Array  # (k,) prior of each exponential: of the first if the bias settles, of the last `TILTS` if it tilts
 
     def whitened(self, columns: Array) -> Array:
         """Columns (n, m) in units of the noise, and without its correlation."""
@@ -78,21 +83,24 @@ class Law:
 @lru_cache(maxsize=16)
 def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
     """The law for recordings of one length of one sensor."""
-    edges = np.arange(samples + 1)
-    covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    samples_at = np.arange(samples + 1)
+    covariance = mean_covariance(errors, samples_at[:-1], samples_at[1:], rate_hz=rate_hz)
     if np.count_nonzero(covariance) == samples:
         whiten = np.asarray(1 / np.sqrt(np.diag(covariance)), dtype=float)
     else:
         whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
-    time = np.asarray((edges[:-1] + 0.5) / rate_hz, dtype=float)
+    time = np.asarray((samples_at[:-1] + 0.5) / rate_hz, dtype=float)
     frequency = grid_frequencies(samples, rate_hz)
     bins = np.array(TIME_CONSTANT_BINS)
     decay = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2)) * SETTLING_RATE
+    edges = np.array(TILT_BINS)
+    slow_constant = np.sqrt(edges[1:] * edges[:-1])
+    tilt = np.exp(-time[:, None] / slow_constant) * TILT_ANGLE / slow_constant
     # A random walk of unit variance at the end: sqrt(2) sin(pi (m - 1/2) t / T) / (pi (m - 1/2)), m = 1, 2, ...
     # (Karhunen-Loeve; Ghanem and Spanos, "Stochastic Finite Elements", 1991, sec. 2.3.3).
     wave = np.pi * (np.arange(WALK_MODES) + 0.5)
     walk = np.sqrt(2) * np.sin(wave * time[:, None] * rate_hz / samples) / wave * WALK_RATE
-    slow = np.concatenate([np.ones((samples, 1)), decay, walk], axis=1)
+    slow = np.concatenate([np.ones((samples, 1)), decay, tilt, walk], axis=1)
     slow = whiten[:, None] * slow if whiten.ndim == 1 else whiten @ slow
     return Law(
         whiten=whiten,  # type: ignore[arg-type]
@@ -101,18 +109,19 @@ def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
         log_prior=np.log(1 / frequency / np.sum(1 / frequency)),
         constant=slow[:, 0],
         settling=slow[:, 1:],
-        share=np.diff(bins) / (bins[-1] - bins[0]),
+        share=np.concatenate([np.diff(bins) / (bins[-1] - bins[0]), np.diff(edges) / (edges[-1] - edges[0])]),
     )
 
 
 def log_kinds(share: Array, *, bumped: bool) -> Array:
-    """Log prior (1 + k + 1, 3) of no settling, each exponential and a walk, by the number of tones."""
+    """Log prior (1 + k + 1, 3) of no slow change, each exponential and a walk, by the number of tones."""
     table = np.full((2, 3), 1e-9)
     for probability, bump, settles, tones in KINDS:
         table[int(settles)] += probability * (bump if bumped else 1 - bump) * np.array(tones)
     table /= table.sum()
     walk = WALK * table.sum(axis=0)
-    table = np.concatenate([table[:1], share[:, None] * table[1:]]) * (1 - WALK)
+    tilts = TILT * share[-TILTS:, None] * table[:1]
+    table = np.concatenate([(1 - TILT) * table[:1], share[:-TILTS, None] * table[1:], tilts]) * (1 - WALK)
     return np.log(np.concatenate([table, walk[None]]))
 
 

@@ -137,7 +137,10 @@ def turned(
     given = _given_angles(turn_angles, segments)
     if errors is not None:
         return _fit(blocks, errors, segments, latitude, given)[0]
-    fits = [_fit(blocks, sensor, segments, latitude, given) for sensor in _candidates(blocks)]
+    fits, start = [], None
+    for sensor in _candidates(blocks, cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=4 * per_stretch)):
+        *fit, start = _fit(blocks, sensor, segments, latitude, given, start)
+        fits.append(fit)
     return _averaged(fits)
 
 
@@ -156,16 +159,21 @@ def _given_angles(turn_angles: ArrayLike | None, segments: Segments) -> tuple[tu
 
 
 def _fit(
-    blocks: Blocks, sensor: Sensor, segments: Segments, latitude: float, given: tuple[tuple[int, int, float], ...]
-) -> tuple[TurnedFit, float]:
-    """Fit and its log marginal likelihood (up to a constant)."""
-    fit = _solve(blocks, sensor, latitude, given, bias_known=True)
+    blocks: Blocks,
+    sensor: Sensor,
+    segments: Segments,
+    latitude: float,
+    given: tuple[tuple[int, int, float], ...],
+    start: State | None = None,
+) -> tuple[TurnedFit, float, State]:
+    """Fit, its log marginal likelihood (up to a constant), and its state, from which the next may start."""
+    fit = _solve(blocks, sensor, latitude, given, bias_known=True, start=start)
     rejected = False
     if sensor.gyro.turn_on_bias > 0:
         pull = fit.state.value[COLUMNS["bias"]] / np.hypot(sensor.gyro.turn_on_bias, fit.bias_sigma)
         if _improbable(float(pull @ pull), 3):
             fit, rejected = _solve(blocks, sensor, latitude, given, bias_known=False), True
-    return fit.report(blocks, sensor, segments, rejected), fit.log_likelihood
+    return fit.report(blocks, sensor, segments, rejected), fit.log_likelihood, fit.state
 
 
 @dataclass(frozen=True)
@@ -250,12 +258,18 @@ class _Solution:
 
 
 def _solve(
-    blocks: Blocks, sensor: Sensor, latitude: float, given: tuple[tuple[int, int, float], ...], *, bias_known: bool
+    blocks: Blocks,
+    sensor: Sensor,
+    latitude: float,
+    given: tuple[tuple[int, int, float], ...],
+    *,
+    bias_known: bool,
+    start: State | None = None,
 ) -> _Solution:
     known = prior(sensor, spins=int(blocks.spin.max(initial=-1)) + 1, bias_known=bias_known)
     gyro = mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz)
     gyro = gyro + RATE_FLOOR**2 * np.eye(len(gyro))
-    state, change = _first_guess(blocks, gyro, known, latitude), np.full(3, np.inf)
+    state, change = start or _first_guess(blocks, gyro, known, latitude), np.full(3, np.inf)
     for step in range(STEPS + 1):
         settled = step == STEPS or np.abs(change[:3]).max() < SETTLED
         linear = linearise(blocks, state, sensor, latitude=latitude, turn_angles=given)
@@ -342,29 +356,44 @@ def _poses(blocks: Blocks, solution: _Solution, segments: Segments) -> tuple[Tur
     return tuple(poses)
 
 
-def _candidates(blocks: Blocks) -> list[Sensor]:
+def _candidates(blocks: Blocks, fine: Blocks) -> list[Sensor]:
     """Sensors that might have made the recording: its own white noise, several in-run drifts."""
-
-    def scatter(values: Array, seconds: Array) -> float:
-        """White noise density from differences of neighbouring blocks of a stretch."""
-        inside = blocks.stretch[1:] == blocks.stretch[:-1]
-        inside &= blocks.still[1:]
-        scale = 1 / np.sqrt(1 / seconds[1:] + 1 / seconds[:-1])
-        difference = np.diff(values, axis=0)[inside] * scale[inside, None]
-        return float(np.sqrt(np.mean(difference**2))) if difference.size else 1e-12
-
-    white = max(scatter(blocks.gyro_b, blocks.seconds), 1e-12)
+    white = _white(_scatter(blocks, blocks.gyro_b), _scatter(fine, fine.gyro_b))
     longest = max([blocks.seconds[blocks.stretch == s].sum() for s in range(blocks.stretch.max() + 1)], default=100.0)
     accel = TriadErrors(turn_on_bias=UNKNOWN_ACCEL_BIAS, misalignment=UNKNOWN_MISALIGNMENT)
     if blocks.accel_b is not None:
-        accel = replace(accel, white=max(scatter(blocks.accel_b, blocks.seconds), 1e-9))
+        accel = replace(accel, white=max(_scatter(blocks, blocks.accel_b)[0], 1e-9))
     gyro = TriadErrors(white=white, scale_factor=UNKNOWN_SCALE, misalignment=UNKNOWN_MISALIGNMENT)
     return [
         Sensor("inferred", replace(gyro, flicker=ratio * white / np.sqrt(longest)), accel) for ratio in UNKNOWN_FLICKER
     ]
 
 
-def _averaged(fits: list[tuple[TurnedFit, float]]) -> TurnedFit:
+def _scatter(blocks: Blocks, values: Array) -> tuple[float, float]:
+    """Noise density from differences of neighbouring blocks of a stretch, and the usual length of these, s."""
+    inside = blocks.still[1:] & (blocks.stretch[1:] == blocks.stretch[:-1])
+    inverse = (1 / blocks.seconds[1:] + 1 / blocks.seconds[:-1])[inside]
+    if not inside.any():
+        return 1e-12, 1.0
+    difference = np.diff(values, axis=0)[inside] / np.sqrt(inverse)[:, None]
+    return max(float(np.sqrt(np.mean(difference**2))), 1e-12), float(2 / inverse.mean())
+
+
+def _white(coarse: tuple[float, float], fine: tuple[float, float]) -> float:
+    """White noise density from the scatter of blocks of two lengths.
+
+    Differences of means over t have the variance 2 N^2 / t + 2 F: in-run bias adds an F that hardly depends on t (its
+    Allan deviation is flat) and drops out between the two. Where short blocks scatter too little, their noise is
+    not white, and half of the long ones' density is the least.
+    """
+    (long_density, long), (short_density, short) = coarse, fine
+    if long <= 1.5 * short:
+        return long_density
+    square = (short_density**2 / short - long_density**2 / long) / (1 / short - 1 / long)
+    return float(np.sqrt(np.clip(square, long_density**2 / 4, long_density**2)))
+
+
+def _averaged(fits: list[list]) -> TurnedFit:
     """The fit of the likeliest drift; its sigma from the mixture over all of them."""
     likelihood = np.array([value for _, value in fits])
     weight = np.exp(likelihood - likelihood.max())

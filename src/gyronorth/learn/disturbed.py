@@ -258,8 +258,8 @@ def model_card(bundle: Bundle, settings: DisturbedSettings) -> str:
 CARD = """# Heading under disturbance (`learned`)
 
 A network looks at a level gyro recording and proposes which samples lie in a bump and on which
-frequencies it sways. On the 16 likeliest frequencies every model (no, one or two tones; no settling,
-a settling bias or a walking one) is weighed by its closed-form evidence, and the headings are averaged.
+frequencies it sways. On the 16 likeliest frequencies every model (no, one or two tones; nothing slow, a
+settling bias, a slow tilt or a walking bias) is weighed by its closed-form evidence, and the headings are averaged.
 The network proposes, physics decides: a wrong proposal costs accuracy only where it misses a tone.
 
 - Input: {shortest:g} to {longest:g} s of levelled angular rate at {rate:g} Hz; gyro alone. Any latitude where Earth's
@@ -275,6 +275,8 @@ The network proposes, physics decides: a wrong proposal costs accuracy only wher
 Sigma and interval are widened by {scale:.3f}, chosen on these recordings. Where the residual exceeds the
 sensor's noise the noise is scaled up and `fits` is false: the disturbance is of no kind that was learned.
 
+A tilt of a hundredth of a degree that takes minutes turns the unit by less than its gyro's noise: the gyro alone cannot
+see most of it, and the interval covers it less often than it says. An accelerometer sees it; use `inertial` there.
 Not for a unit that drives or is carried; not where tones lie outside 0.008-0.3 Hz; a bias that settles more
 slowly than 120 s is taken for a walk from switch-on. White noise alone is estimated best by the mean.
 """

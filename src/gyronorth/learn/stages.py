@@ -94,7 +94,11 @@ def denoiser_data(settings: Settings) -> tuple[HeadingSet, HeadingSet, HeadingSe
 
 
 def train_denoiser(
-    settings: Settings, clean: tuple[HeadingSet, HeadingSet] | None = None, *, run: Run = Run()
+    settings: Settings,
+    clean: tuple[HeadingSet, HeadingSet] | None = None,
+    *,
+    disturbance: torch.Tensor | None = None,
+    run: Run = Run(),
 ) -> TrainedDenoiser:
     """Stage one: teach the network to tell the noise that eq:17 adds (Alg. 1).
 
@@ -102,34 +106,26 @@ def train_denoiser(
     ----------
     clean : pair of HeadingSet, optional
         Training and validation data taken as x_0; the synthetic set by default.
+    disturbance : Tensor, optional
+        Sequences (k, samples, 3) of unit deviation that take the place of white noise in eq:17, drawn with replacement.
 
     Notes
     -----
-    Each batch draws t uniform on 1..T and white noise afresh. The validation draws them once.
+    Each batch draws t uniform on 1..T and noise afresh. The validation draws them once.
     """
     train, validation = clean if clean is not None else denoiser_data(settings)[:2]
     part = settings.denoiser
     normalisation = Normalisation(settings.normalisation).recorded(train.gyro_l)
-    generator = _generator(settings, DENOISER)
-    network = cast(
-        Denoiser,
-        initialised(
-            lambda: Denoiser(
-                layout=settings.layout,
-                samples=settings.samples,
-                layers=part.layers,
-                hidden=part.hidden,
-                embedding=part.embedding,
-            ),
-            generator,
-        ),
-    )
+    network, generator = new_denoiser(settings)
     gain = torch.from_numpy(np.sqrt(settings.schedule.alpha_bar)).float()
     spread = torch.from_numpy(np.sqrt(1 - settings.schedule.alpha_bar)).float()
 
     def noised(x_0: torch.Tensor, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         t = torch.randint(1, settings.schedule.steps + 1, (len(x_0),), generator=generator)
-        noise = torch.randn(x_0.shape, generator=generator)
+        if disturbance is None:
+            noise = torch.randn(x_0.shape, generator=generator)
+        else:
+            noise = disturbance[torch.randint(len(disturbance), (len(x_0),), generator=generator)]
         return gain[t, None, None] * x_0 + spread[t, None, None] * noise, t, noise
 
     def difference(prediction: torch.Tensor, noise: torch.Tensor) -> torch.Tensor:
@@ -153,8 +149,26 @@ def train_denoiser(
 
     rate = decay(part.rate, None, part.epochs)
     task = Task("denoiser", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate)
-    progress = _fit(task, settings, generator, run, train.sha256() + validation.sha256())
+    key = train.sha256() + validation.sha256()
+    key += "" if disturbance is None else hashlib.sha256(disturbance.numpy().tobytes()).hexdigest()
+    progress = fitted(task, settings, generator, key, run=run)
     return TrainedDenoiser(network, settings, normalisation, progress)
+
+
+def new_denoiser(settings: Settings) -> tuple[Denoiser, torch.Generator]:
+    """A denoiser that has learned nothing, and the generator that drew it and goes on."""
+    part, generator = settings.denoiser, _generator(settings, DENOISER)
+    network = initialised(
+        lambda: Denoiser(
+            layout=settings.layout,
+            samples=settings.samples,
+            layers=part.layers,
+            hidden=part.hidden,
+            embedding=part.embedding,
+        ),
+        generator,
+    )
+    return cast(Denoiser, network), generator
 
 
 def train_heading(
@@ -206,11 +220,14 @@ def train_heading(
 
     rate = decay(part.rate, part.rate_end, part.epochs)
     task = Task("heading", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate, watch)
-    progress = _fit(task, settings, generator, run, key)
+    progress = fitted(task, settings, generator, key, run=run)
     return TrainedHeading(network, settings, denoiser, progress)
 
 
-def _fit(task: Task, settings: Settings, generator: torch.Generator, run: Run, data_key: str) -> Progress:
+def fitted(
+    task: Task, settings: Settings, generator: torch.Generator, data_key: str, *, run: Run = Run()
+) -> Progress:
+    """Run a training with the settings' threads, and with checkpoint and log in the run's folder."""
     checkpoint = None if run.folder is None else run.folder / f"{task.name}.pt"
     with (
         torch_threads(settings.threads),

@@ -109,7 +109,7 @@ def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: d
         "validation_loss": _number(trained.progress.best),
         "history": _history(trained.progress.history),
         "diverged": not finite or not all(np.isfinite(h["loss"]) for h in trained.progress.history),
-        "weights": _pack({k: v.numpy() for k, v in trained.network.state_dict().items()}),
+        "weights": pack({k: v.numpy() for k, v in trained.network.state_dict().items()}),
     }
     result["test"] = denoiser_error(trained, denoiser_data(checked)[2], seed=seed)
     return result
@@ -177,7 +177,7 @@ def rebuilt(result: Result, settings: Settings) -> TrainedDenoiser:
     network = Denoiser(
         layout=own.layout, samples=own.samples, layers=part.layers, hidden=part.hidden, embedding=part.embedding
     )
-    set_weights(network, _unpack(result["weights"]))
+    set_weights(network, unpack(result["weights"]))
     progress = Progress(best_epoch=result["best_epoch"], finished=True)
     return TrainedDenoiser(network, settings, Normalisation(**result["normalisation"]), progress)
 
@@ -248,12 +248,12 @@ def _degrees(angle: NDArray) -> list[float | None]:
     return [_number(v) for v in np.degrees(angle)]
 
 
-def _pack(arrays: dict[str, NDArray]) -> str:
+def pack(arrays: dict[str, NDArray]) -> str:
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def _unpack(text: str) -> dict[str, NDArray]:
+def unpack(text: str) -> dict[str, NDArray]:
     with np.load(io.BytesIO(base64.b64decode(text))) as stored:
         return {name: stored[name] for name in stored.files}

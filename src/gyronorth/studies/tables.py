@@ -27,9 +27,8 @@ class Table:
 
     def to_markdown(self) -> str:
         """A Markdown table under its title."""
-        lines = [f"### {self.title}", "", _row(self.columns), _row(["---"] * len(self.columns))]
-        lines += [_row([_cell(cell) for cell in row]) for row in self.rows]
-        return "\n".join([*lines, "", self.note, ""]) if self.note else "\n".join([*lines, ""])
+        lines = [f"### {self.title}", "", rows_markdown(self.columns, self.rows), ""]
+        return "\n".join([*lines, self.note, ""] if self.note else lines)
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,14 @@ def degrees(interval: Interval) -> Interval:
     return Interval(*(float(np.degrees(v)) for v in (interval.value, interval.low, interval.high)))
 
 
-def _row(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
+def rows_markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Rows under their columns."""
+    lines = [columns, ["---"] * len(columns), *([cell_text(cell) for cell in row] for row in rows)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _cell(cell: Any) -> str:
+def cell_text(cell: Any) -> str:
+    """A cell as a reader sees it."""
     if cell is None:
         return ""
     if isinstance(cell, Interval):

@@ -1,0 +1,166 @@
+"""Write the results pages from the studies that `gyronorth benchmark` leaves.
+
+python docs/make_results.py FOLDER...   take the studies in these folders over into docs/results, then write the pages
+python docs/make_results.py             write the pages and figures again from what is there
+python docs/make_results.py --check     exit code 1 if a page is not what its data give
+
+A page is docs/results/<benchmark>.md. Its beginning is written by hand in docs/results/<benchmark>.intro.md, which
+holds no result; everything else comes from docs/results/data/<benchmark>/<study>.json. In the introduction
+
+    {{study | table | row | column}}
+
+becomes a cell of a study: `table` is the beginning of the table's title, `row` its first cell. A block
+
+    ```claims
+    what is claimed | study | table | row | column | <= 0.45
+    ```
+
+becomes a table with what was found and whether the claim holds. A limit is `<= x`, `>= x` or `x to y`, without a unit.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from gyronorth.evaluation import Interval
+from gyronorth.report.figures import write
+from gyronorth.report.study_figures import FIGURES, study_figure
+from gyronorth.studies.benchmark import STUDIES
+from gyronorth.studies.tables import Table, cell_text, rows_markdown
+
+PAGES = Path(__file__).parent / "results"
+ORDER = [study.name for study in STUDIES]
+BENCHMARK = {study.name: study.benchmark for study in STUDIES}
+WRITTEN = "<!-- Written by docs/make_results.py from docs/results/data; do not edit. -->"
+
+Study = dict[str, Any]
+
+
+def take_over(folder: Path) -> None:
+    """Copy the studies in a benchmark's folder to docs/results/data; the results of single units stay there."""
+    found = [path for path in sorted(folder.glob("*.json")) if path.stem in BENCHMARK]
+    if not found:
+        sys.exit(f"{folder} holds no study; give the folder that was -o of `gyronorth benchmark`.")
+    for path in found:
+        target = PAGES / "data" / BENCHMARK[path.stem] / path.name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
+
+
+def studies_of(benchmark: str) -> dict[str, Study]:
+    """The studies of a page by name, in the order of the command."""
+    paths = sorted((PAGES / "data" / benchmark).glob("*.json"), key=lambda path: ORDER.index(path.stem))
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in paths}
+
+
+def page(benchmark: str, studies: dict[str, Study]) -> str:
+    """The whole page as Markdown."""
+    intro = (PAGES / f"{benchmark}.intro.md").read_text(encoding="utf-8").strip()
+    intro = re.sub(r"^```claims\n(.*?)^```", lambda found: claims(found[1], studies), intro, flags=re.M | re.S)
+    intro = re.sub(r"\{\{(.*?)\}\}", lambda found: cell_text(cell(studies, *parts(found[1]))), intro)
+    return "\n\n".join([WRITTEN, intro, *(section(study, benchmark) for study in studies.values())]) + "\n"
+
+
+def section(study: Study, benchmark: str) -> str:
+    """One study: what was done, figure, tables, and how to make them again."""
+    name = study["study"]
+    lines = [f"## {study['title']}", study["text"]]
+    if name in FIGURES:
+        lines.append(f"![{study['title']}]({benchmark}-{name}.png)")
+    lines += [table_of(table).to_markdown().strip() for table in study["tables"]]
+    if study["recordings"] != "published twin":
+        raise SystemExit(f"{name} was run on recordings of somebody's own; pages are made from the shipped data.")
+    lines.append(
+        f"Made by `{study['command']}`: seed {study['seed']}, commit `{study['commit'][:12]}`, "
+        f"[all figures as JSON](data/{benchmark}/{name}.json)."
+    )
+    return "\n\n".join(lines)
+
+
+def table_of(table: dict) -> Table:
+    """A table of a JSON file."""
+    rows = tuple(tuple(Interval(**c) if isinstance(c, dict) else c for c in row) for row in table["rows"])
+    return Table(table["title"], tuple(table["columns"]), rows, table["note"])
+
+
+def cell(studies: dict[str, Study], study: str, title: str, row: str, column: str) -> Any:
+    """One cell; whatever is not there exactly once is an error."""
+    tables = [table_of(t) for t in studies[study]["tables"] if t["title"].startswith(title)]
+    found = [r for t in tables for r in t.rows if r[0] == row]
+    if len(tables) != 1 or len(found) != 1 or column not in tables[0].columns:
+        sys.exit(f"{study} has {len(tables)} tables {title!r} and {len(found)} rows {row!r}, column {column!r}.")
+    return found[0][tables[0].columns.index(column)]
+
+
+def parts(text: str) -> list[str]:
+    """The pieces between bars."""
+    return [piece.strip() for piece in text.split("|")]
+
+
+def claims(text: str, studies: dict[str, Study]) -> str:
+    """A table of claims and verdicts."""
+    rows = []
+    for line in text.splitlines():
+        claim, *where, limit = parts(line)
+        found = cell(studies, *where)
+        rows.append((claim, limit_text(limit), found, verdict(found, limit)))
+    return rows_markdown(("claim", "asked", "found", "verdict"), rows)
+
+
+def bounds(limit: str) -> tuple[float, float]:
+    """Lowest and highest value that a limit allows."""
+    if " to " in limit:
+        low, high = limit.split(" to ")
+        return float(low), float(high)
+    sign, value = limit.split()
+    return (float("-inf"), float(value)) if sign == "<=" else (float(value), float("inf"))
+
+
+def limit_text(limit: str) -> str:
+    """A limit in words."""
+    return limit.replace("<=", "at most").replace(">=", "at least")
+
+
+def verdict(found: Any, limit: str) -> str:
+    """Whether a figure is within its limit, and whether its whole interval is on the same side."""
+    low, high = bounds(limit)
+    interval = found if isinstance(found, Interval) else Interval(found, found, found)
+    inside = [low <= value <= high for value in (interval.value, interval.low, interval.high)]
+    if inside[0]:
+        return "holds" if all(inside) else "holds; the interval reaches beyond"
+    return "**does not hold**" + ("; the interval reaches within" if any(inside) else "")
+
+
+def draw(benchmark: str, studies: dict[str, Study]) -> None:
+    """The figures beside the page."""
+    for name, study in studies.items():
+        if name in FIGURES:
+            write(study_figure(study), PAGES / f"{benchmark}-{name}.png")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Take over, write, or compare."""
+    check = list(arguments) == ["--check"]
+    for folder in [] if check else arguments:
+        take_over(Path(folder))
+    stale = []
+    for folder in sorted(PAGES.glob("data/*")):
+        studies, target = studies_of(folder.name), PAGES / f"{folder.name}.md"
+        text = page(folder.name, studies)
+        if check:
+            stale += [] if target.is_file() and target.read_text(encoding="utf-8") == text else [target.name]
+            continue
+        target.write_text(text, encoding="utf-8")
+        draw(folder.name, studies)
+    if stale:
+        print(f"{', '.join(stale)}: not what the data give; run python docs/make_results.py", file=sys.stderr)
+    return int(bool(stale))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

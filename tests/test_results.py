@@ -1,0 +1,99 @@
+"""The results pages: filled from the studies' files, never by hand."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    """docs/make_results.py, working in a folder of the test's."""
+    spec = importlib.util.spec_from_file_location("make_results", ROOT / "docs/make_results.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setattr(module, "PAGES", tmp_path / "results")
+    (tmp_path / "results").mkdir()
+    return module
+
+
+def study(folder, **changes):
+    """The file that a benchmark leaves of a study."""
+    folder.mkdir()
+    row = ["learned", {"value": 0.326, "low": 0.31, "high": 0.34}, 0.94]
+    content = {
+        "study": "t_back",
+        "title": "A sweep",
+        "seed": 3,
+        "commit": "0123456789abcdef",
+        "command": "gyronorth benchmark paper --study t_back -o FOLDER",
+        "recordings": "published twin",
+        "text": "What was done.",
+        "tables": [{"title": "mixed: 100 s", "columns": ["method", "ratio", "inside"], "rows": [row], "note": "n"}],
+        "curves": {
+            "sweep": [{"t_back": t, "train": 1.0, "validation": 2.0, "test": 3.0} for t in (900, 950)],
+            "training": {"950": [{"loss": 2.0, "validation": 3.0}]},
+        },
+        **changes,
+    }
+    (folder / "t_back.json").write_text(json.dumps(content))
+    (folder / "units").mkdir()
+
+
+INTRO = """# Page
+
+The ratio is {{t_back | mixed | learned | ratio}}.
+
+```claims
+it gains | t_back | mixed | learned | ratio | <= 0.45
+it gains more | t_back | mixed | learned | ratio | <= 0.33
+it gains most | t_back | mixed | learned | ratio | <= 0.2
+it is calibrated | t_back | mixed | learned | inside | 0.93 to 0.97
+it covers all | t_back | mixed | learned | inside | >= 0.99
+```
+"""
+
+
+def test_page_is_filled_from_the_files(results, tmp_path):
+    study(tmp_path / "run")
+    (tmp_path / "results/paper.intro.md").write_text(INTRO)
+    assert results.main([str(tmp_path / "run")]) == 0
+    text = (tmp_path / "results/paper.md").read_text()
+    assert "The ratio is 0.326 (0.310 to 0.340)." in text
+    verdicts = [line.split(" | ")[3].rstrip(" |") for line in text.splitlines() if line.startswith("| it ")]
+    assert verdicts == [
+        "holds",
+        "holds; the interval reaches beyond",
+        "**does not hold**",
+        "holds",
+        "**does not hold**",
+    ]
+    assert "| learned | 0.326 (0.310 to 0.340) | 0.940 |" in text
+    assert "seed 3, commit `0123456789ab`, [all figures as JSON](data/paper/t_back.json)" in text
+    assert (tmp_path / "results/paper-t_back.png").stat().st_size > 5000
+    assert results.main(["--check"]) == 0
+    (tmp_path / "results/paper.md").write_text(text.replace("0.326", "0.226", 1))
+    assert results.main(["--check"]) == 1
+
+
+@pytest.mark.parametrize("where", ["t_back | mixed | bayes | ratio", "t_back | quiet | learned | ratio"])
+def test_a_cell_that_is_not_there_is_told(results, tmp_path, where):
+    study(tmp_path / "run")
+    (tmp_path / "results/paper.intro.md").write_text(f"{{{{{where}}}}}")
+    with pytest.raises(SystemExit, match=r"t_back has \d tables"):
+        results.main([str(tmp_path / "run")])
+
+
+def test_a_folder_without_studies_is_told(results, tmp_path):
+    with pytest.raises(SystemExit, match="holds no study"):
+        results.main([str(tmp_path)])
+
+
+def test_pages_of_the_documentation_are_what_their_data_give(results, monkeypatch):
+    monkeypatch.setattr(results, "PAGES", ROOT / "docs/results")
+    assert results.main(["--check"]) == 0
