@@ -211,9 +211,9 @@ def _spread_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     columns = (
         "network",
         "validation, mean deg",
-        "spread, deg",
+        "validation, spread deg",
         "test, mean deg",
-        "spread, deg ",
+        "test, spread deg",
         "wobble of validation, deg",
     )
     note = "Wobble: standard deviation of the epoch-to-epoch change of the validation CRMSE in the last half."
