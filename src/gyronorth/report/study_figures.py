@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from gyronorth.report.figures import BLUE, FAINT, GREEN, INK, PINK, RED, SETTINGS, write
 
@@ -78,6 +79,9 @@ def _table_2(figure: Figure, study: Study) -> None:
     top = parts[0].subplots()
     _intervals(top, [(row[0], row[column]) for row in table["rows"] if isinstance(row[column], dict)])
     top.set(title=table["title"], xlabel="CRMSE, ratio to model-based, 95 % interval", xscale="log")
+    top.xaxis.set_major_locator(FixedLocator([0.5, 0.7, 1, 2, 5, 10]))
+    top.xaxis.set_major_formatter("{x:g}")
+    top.xaxis.set_minor_locator(NullLocator())
     bottom, circle = parts[1].subplots(), dict(study["curves"]["circle"])
     heading = circle.pop("heading_deg")
     for (label, values), colour, style in zip(circle.items(), (RED, BLUE), _STYLES, strict=False):
