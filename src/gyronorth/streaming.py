@@ -195,7 +195,7 @@ class StreamingHeading:
     def _limits(self, used: float) -> list[Finding]:
         """Warnings of what was left out, where `used` s are left."""
         store, found = self._store, []
-        if store.rate_hz < 0.99 / CHUNK:
+        if store.size > 1 and store.rate_hz < 0.99 / CHUNK:
             message = (
                 f"After {self.duration / 3600:.1f} h samples are kept as means over {1 / store.rate_hz:.1f} s: "
                 "shorter motion is averaged out, shorter poses are lost. Restart to begin anew."
@@ -213,7 +213,7 @@ class StreamingHeading:
     def _too_short(self, why: str) -> HeadingEstimate:
         """No heading yet."""
         store = self._store
-        message = f"{self.duration:.2f} s are too short: {why}"
+        message = f"No heading after {self.duration:.2f} s: {why}"
         rate = store.rows[: store.count, :3].mean(axis=0) if store.count else np.zeros(3)
         return HeadingEstimate(
             heading=None,
@@ -367,9 +367,9 @@ def _rotation(step: Array) -> Array:
 
 
 def _still_unit(rate_hz: float, latitude: float, accelerometer: bool) -> Recording:
-    """Half a minute of a level unit without noise, on which any right setting works."""
+    """Half a minute of a level unit with a little noise, on which any right setting works."""
     Recording(np.zeros((1, 3)), None, rate_hz)  # checks the rate
     rate_hz = min(rate_hz, 10.0)
-    samples = np.ones((max(FEWEST_SAMPLES, round(31 * rate_hz)), 1))
-    force = samples * [0.0, 0.0, -STANDARD_GRAVITY] if accelerometer else None
-    return Recording(samples * earth_rate_n(latitude), force, rate_hz, latitude=latitude)
+    noise = np.random.default_rng(0).standard_normal((2, max(FEWEST_SAMPLES, round(31 * rate_hz)), 3))
+    force = [0.0, 0.0, -STANDARD_GRAVITY] + 1e-3 * noise[1] if accelerometer else None
+    return Recording(earth_rate_n(latitude) + 1e-5 * noise[0], force, rate_hz, latitude=latitude)
