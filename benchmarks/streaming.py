@@ -1,4 +1,4 @@
-"""The running estimate: CPU time of one second at 600 Hz, after a minute, ten, an hour and a day, and memory over a day."""
+"""The running estimate: CPU time of a second at 600 Hz by the age of the stream, a minute to a day, and its memory."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ RATE_HZ = 600
 LATITUDE = radians(48)
 #: One second may take this share of one core.
 SHARE = 0.1
-#: Time on the stream before it is measured, s. Rows are merged at 40 s and at each end of a factor: 39 s and
-#: 39 minutes come right before, when they are most.
+#: Time on the stream before it is measured, s. Rows are merged when the store is full, at 600 Hz after 40 minutes:
+#: 39 minutes come right before, when rows are most.
 AGES = {"1 min": 60, "10 min": 600, "39 min, rows most": 2340, "1 h": 3600, "24 h": 86_400}
-#: A second of memory that grows without bound would be 29 kB; the whole day may take this, bytes.
+#: A stream may hold this, bytes; all samples of a day would be 2.5e9.
 MOST_BYTES = 8e6
 
 

@@ -88,7 +88,8 @@ class StreamingHeading:
         self.accelerometer = accelerometer
         self._sensor = None if sensor is None else read_sensor(sensor)
         self._method, self._attitude, self._model = method, attitude, model
-        self._align(_still_unit(self.rate_hz, self.latitude, accelerometer))
+        trial = "auto" if method == "turned" else method  # one pose alone tells a fit of turns nothing
+        self._align(_still_unit(self.rate_hz, self.latitude, accelerometer), trial)
         self.restart()
 
     def restart(self) -> None:
@@ -155,8 +156,8 @@ class StreamingHeading:
         times: Array = (store.dropped + middle * size * store.size) / self.rate_hz
         return times, np.linalg.norm(rate_b, axis=1)
 
-    def _align(self, recording: Recording) -> HeadingEstimate:
-        return heading(recording, sensor=self._sensor, method=self._method, model=self._model, attitude=self._attitude)
+    def _align(self, recording: Recording, method: str) -> HeadingEstimate:
+        return heading(recording, sensor=self._sensor, method=method, model=self._model, attitude=self._attitude)
 
     def _found(self) -> HeadingEstimate:
         store = self._store
@@ -166,7 +167,7 @@ class StreamingHeading:
         if self._method == "bayes" and recording.duration > BAYES_LONGEST + 1:
             recording = recording.window(recording.duration - BAYES_LONGEST, recording.duration)
         try:
-            found = self._align(recording)
+            found = self._align(recording, self._method)
         except InputError as error:  # the settings are right, so it is the recording that will not do yet
             return self._too_short(str(error))
         if found.method == "turned" and len(found.poses) > MOST_POSES:
