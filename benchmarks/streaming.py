@@ -47,9 +47,9 @@ def comparisons() -> Iterable[Comparison]:
 def aged(seconds: int) -> StreamingHeading:
     """A stream that has run for that long, without estimates."""
     stream = StreamingHeading(rate_hz=RATE_HZ, latitude=LATITUDE, accelerometer=True, sensor="isa100c")
-    rng = np.random.default_rng(1)
+    minute = still(60, np.random.default_rng(1))
     for _ in range(0, seconds, 60):
-        stream.add(*still(min(60, seconds), rng))
+        stream.add(*minute)
     return stream
 
 
