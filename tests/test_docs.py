@@ -1,27 +1,43 @@
-"""The commands and the code of README and guide run; the examples run; the README's figures are current."""
+"""What README and pages say is so: commands, outputs, code, files, codes, pictures; the examples run."""
 
 from __future__ import annotations
 
+import ast
+import importlib.util
+import os
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 import yaml
 
 import gyronorth as gn
+from gyronorth.sensor import read_sensor
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 DEMO = ROOT / "examples/data/demo.npz"
-BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-#: Development commands, which the tests cannot run from inside themselves.
-SKIPPED = ("make ", "git ", "cd ", "pip ", "python")
+#: Languages of the blocks: what runs or is read below, and what is only shown.
+LANGUAGES = {"sh", "console", "python", "json", "csv", "yaml", "text"}
+
+
+def script(name: str) -> ModuleType:
+    """A script of docs/ as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / f"docs/{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # its dataclasses look themselves up
+    spec.loader.exec_module(module)
+    return module
+
+
+OUTPUTS = script("make_outputs")
+PAGES = OUTPUTS.pages()
 
 
 def pin(package: str) -> str:
@@ -29,8 +45,9 @@ def pin(package: str) -> str:
     return re.search(rf"^{package}==(.*)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE)[1]
 
 
+SAME_STREAMS = np.__version__ == pin("numpy")
 same_streams = pytest.mark.skipif(
-    np.__version__ != pin("numpy"), reason="NumPy keeps a seed's stream only within a version (NEP 19): needs the pin"
+    not SAME_STREAMS, reason="NumPy keeps a seed's stream only within a version (NEP 19): needs the pin"
 )
 
 
@@ -40,46 +57,135 @@ def clone(tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path)
+    for name, value in (("COLUMNS", "100"), ("NO_COLOR", "1"), ("TERM", "dumb"), ("MPLBACKEND", "agg")):
+        monkeypatch.setenv(name, value)
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "src"))
-    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     return tmp_path
-
-
-def blocks(page: Path, language: str) -> list[str]:
-    return [text for kind, text in BLOCK.findall(page.read_text()) if kind == language]
-
-
-def commands(page: Path) -> list[str]:
-    joined = "".join(blocks(page, "sh")).replace("\\\n", " ")
-    lines = (line.partition(" #")[0].strip() for line in joined.splitlines())
-    return [line for line in lines if line and not line.startswith(SKIPPED)]
 
 
 def run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=120, check=False)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
-def test_commands_run(page, clone):
-    for command in commands(page):
-        program, *arguments = shlex.split(command)
-        assert program == "gyronorth", command
-        done = run(["-c", "from gyronorth.cli import main; main()", *arguments])
-        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+def need_extras(path: Path) -> None:
+    """Skip where the page or the example needs an extra that is not installed."""
+    text = path.read_text()
+    if "gyronorth train" in text or "gyronorth.learn" in text:
+        pytest.importorskip("torch", reason="PyTorch comes with the extra train")
+    if "--method paper" in text or "by learned" in text:
+        pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra learned")
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
-def test_code_runs(page, clone):
-    for code in blocks(page, "python"):
-        done = run(["-W", "error", "-c", code])
-        assert done.returncode == 0, f"{code}\n{done.stderr}"
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_page_runs_and_shows_what_comes_out(page, clone):
+    need_extras(page)
+    for block in OUTPUTS.blocks(page.read_text()):
+        done = OUTPUTS.work(block)
+        for command, (code, output) in zip(OUTPUTS.commands(block), done, strict=True):
+            assert code == 0 or block.language == "console", f"{command}\n{output}"
+            assert code in (0, 2, 3), f"{command}\n{output}"
+        if SAME_STREAMS:
+            answers = iter([output for _, output in done])
+            assert OUTPUTS.answered(block, answers) == block.text, f"run `make outputs`: {page.name}"
+        check_file(block)
+
+
+def check_file(block) -> None:
+    """A file that a page shows is one that the program takes."""
+    if not (block.comment and block.comment.startswith("file: ")):
+        return
+    path = Path(block.comment.removeprefix("file: "))
+    if path.suffix == ".yaml":
+        settings = pytest.importorskip("gyronorth.learn.settings")
+        settings.read_settings(path)
+    else:
+        assert {".json": read_sensor, ".csv": gn.read}[path.suffix](path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_block_says_what_it_is(page):
+    text = page.read_text()
+    found = OUTPUTS.blocks(text)
+    assert {block.language for block in found} <= LANGUAGES
+    assert len(re.findall(r"^```", text, re.MULTILINE)) == 2 * len(found)
+
+
+def test_a_wrong_output_is_found(clone):
+    page = "```console\n$ gyronorth heading examples/data/demo.npz --sensor sdc500 | head -2\nheading  46 deg\n```\n"
+    new = OUTPUTS.rewritten(page)
+    assert "verdict            valid\nheading            45.74 deg\n```" in new
+    assert OUTPUTS.rewritten(new) == new
+
+
+def codes() -> set[str]:
+    """The codes of reasons and warnings in the source."""
+    found = set()
+    for path in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            name = getattr(getattr(node, "func", None), "id", "")
+            if name in ("Gate", "Finding", "Note") and node.args and isinstance(node.args[0], ast.Constant):
+                found.add(node.args[0].value)
+    return found
+
+
+def test_every_code_has_its_entry():
+    entries = re.findall(r"^### `(\w+)`$", (ROOT / "docs/guide/refusals.md").read_text(), re.MULTILINE)
+    assert len(codes()) > 10
+    assert sorted(entries) == sorted(codes())
+
+
+def test_every_json_field_is_explained():
+    text = (ROOT / "docs/guide/output.md").read_text()
+    fields = gn.heading(gn.read(DEMO), sensor="sdc500").to_json()
+    assert not [name for name in fields if f"`{name}`" not in text]
+
+
+def test_command_reference_has_every_option():
+    import typer.main
+
+    from gyronorth.cli import app
+
+    text = script("command_reference").reference()
+    commands = typer.main.get_command(app).commands
+    assert "\x1b" not in text
+    for name, command in commands.items():
+        assert f"## gyronorth {name}\n" in text
+        for parameter in command.params:
+            assert parameter.help, f"{name} {parameter.name} has no help text"
+            names = parameter.opts if parameter.param_type_name == "option" else []
+            assert not [each for each in names if f"`{each}`" not in text]
+
+
+def test_pictures_are_those_of_the_pages():
+    shown = {name for page in PAGES for name in re.findall(r"images/(\w+)\.svg", page.read_text())}
+    made = script("make_pictures").PICTURES
+    files = {path.stem: path for path in (ROOT / "docs/images").glob("*.svg")}
+    assert shown == set(made) == set(files)
+    assert all(path.stat().st_size < 150_000 for path in files.values())
+
+
+@pytest.mark.slow
+@same_streams
+def test_figures_in_the_pictures_are_current():
+    pictures = script("make_pictures")
+    for name in pictures.PICTURES:
+        drawn, kept = pictures.picture(name), (ROOT / f"docs/images/{name}.svg").read_text()
+        labels = [re.findall(r">([^<>]+)</text>", text) for text in (drawn, kept)]
+        assert labels[0] == labels[1], f"run `make pictures`: {name}"
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.stem)
 def test_example_runs(example, clone):
+    need_extras(example)
     done = run(["-W", "error", str(example)])
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
+
+
+def test_every_example_is_in_the_index():
+    index = (ROOT / "examples/README.md").read_text()
+    assert re.findall(r"^\| `(\d\d_\w+\.py)`", index, re.MULTILINE) == [path.name for path in EXAMPLES]
 
 
 @pytest.mark.slow
