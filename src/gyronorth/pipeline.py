@@ -336,7 +336,7 @@ def _find(method: str, data: Data, model: str | Path | None, turn_angles: Sequen
             solution, fits = solve_learned(data, closed, moved, bundle)
             warnings = () if fits or not solution.parts else (Finding("swaying", UNLEARNED),)
             return _Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings)
-        return _Found(method, solve_network(data, closed, bundle), "asked for", moved, bundle=bundle.name)
+        return _Found(method, solve_network(data, closed, moved, bundle), "asked for", moved, bundle=bundle.name)
     mean = solve_mean(data, closed, moved)
     if method == "mean":
         return _Found("mean", mean, "asked for", moved)
