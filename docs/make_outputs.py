@@ -41,8 +41,9 @@ class Block:
 
 
 def pages() -> list[Path]:
-    """README and every page of the site."""
-    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    """README and every page of the site that is written by hand."""
+    written = (page for page in sorted((ROOT / "docs").rglob("*.md")) if "results" not in page.parts)
+    return [ROOT / "README.md", *written]
 
 
 def blocks(text: str) -> list[Block]:
