@@ -477,9 +477,15 @@ def picture(name: str) -> str:
         svg = svg_text(PICTURES[name](), salt=name)
     for colour, variable in COLOURS.items():
         svg = svg.replace(f"var({variable})", f"var({variable}, {colour})")
-    # Coordinates in hundredths of a point: half the size.
-    svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"\d+\.\d{3,}", lambda found: f"{float(found[0]):.2f}", tag[0]), svg)
+    # Coordinates in hundredths of a point, those of lines in tenths and on one line: a third of the size.
+    svg = re.sub(r"<[^>]*>", lambda tag: shorter(tag[0], 2), svg)
+    svg = re.sub(r'(?<= d=")[^"]*', lambda path: " ".join(shorter(path[0], 1).split()), svg)
     return svg.rstrip() + "\n"
+
+
+def shorter(text: str, decimals: int) -> str:
+    """Every number with more decimals rounded."""
+    return re.sub(rf"\d+\.\d{{{decimals + 1},}}", lambda found: f"{round(float(found[0]), decimals):g}", text)
 
 
 if __name__ == "__main__":

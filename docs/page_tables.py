@@ -33,7 +33,8 @@ def of_readme(name: str) -> str:
     found = re.search(rf"<!-- {name}: make readme -->\n(.*?)<!-- end -->", (ROOT / "README.md").read_text(), re.DOTALL)
     if not found:
         raise ValueError(f"README.md has no mark for {name}")
-    return found[1]
+    # An interval is not broken at its hyphen.
+    return re.sub(r"(?<=\d)-(?=\d)", "&#8209;", found[1])
 
 
 def test_files() -> list[Path]:

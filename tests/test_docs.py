@@ -24,6 +24,9 @@ from gyronorth.sensor import read_sensor
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 DEMO = ROOT / "examples/data/demo.npz"
+TESTING = ROOT / "docs/testing.md"
+#: The shortest form of a study with networks.
+QUICK = "gyronorth benchmark paper --study table_2 --network-splits 1 --splits 1 --seeds 1 --epochs 1 -o out/quick"
 #: Languages under which a command or code would be shown without being run.
 UNCHECKED = {"bash", "shell", "zsh", "py", "pycon", "ipython"}
 
@@ -110,6 +113,50 @@ def test_no_block_escapes(page):
     found = OUTPUTS.blocks(text)
     assert not {block.language for block in found} & UNCHECKED
     assert len(re.findall(r"^```", text, re.MULTILINE)) == 2 * len(found)
+
+
+def exceptions() -> dict[str, str]:
+    """Commands that are only shown, by the table of docs/testing.md, and what runs in the place of each."""
+    rows = re.findall(r"^\| `(gyronorth .*?)` \|.*\|.*?`([^`]+)`[^`]*\|$", TESTING.read_text(), re.MULTILINE)
+    return dict(rows)
+
+
+def test_what_is_only_shown_is_listed_with_what_runs_instead():
+    shown = [
+        line
+        for page in PAGES
+        for block in OUTPUTS.blocks(page.read_text())
+        for line in block.text.splitlines()
+        if line.startswith("gyronorth ") and block.language not in ("sh", "console")
+    ]
+    assert sorted(shown) == sorted(exceptions())
+    text = "\n".join(path.read_text() for path in [*PAGES, *sorted((ROOT / "tests").glob("test_*.py"))])
+    for instead in exceptions().values():
+        pattern = rf"^{re.escape(instead)}$|def {re.escape(instead)}\("
+        assert instead == QUICK or re.search(pattern, text, re.MULTILINE), instead
+
+
+@pytest.mark.slow
+def test_a_study_of_networks_in_its_shortest_form(clone):
+    pytest.importorskip("torch", reason="PyTorch comes with the extra train")
+    assert QUICK in exceptions().values()
+    code, output = OUTPUTS.run(QUICK)
+    assert code == 0, output
+    assert "CRMSE" in Path("out/quick/table_2.md").read_text()
+
+
+def test_commands_in_sentences_exist():
+    import typer.main
+
+    from gyronorth.cli import app
+
+    known = typer.main.get_command(app).commands
+    called = {call for page in PAGES for call in re.findall(r"`gyronorth ([^`]+)`", page.read_text())} - {"COMMAND --help"}
+    assert len(called) > 10
+    for call in called | {shown.removeprefix("gyronorth ") for shown in exceptions()}:
+        name, *words = shlex.split(call)
+        options = {each for parameter in known[name].params for each in parameter.opts}
+        assert {word for word in words if word.startswith("-")} <= options, call
 
 
 def test_a_wrong_output_is_found(clone):
