@@ -1,6 +1,6 @@
-"""A hook of the documentation: blocks with messages or commands of more than 110 characters are wrapped.
+"""A hook of the documentation: commands are wrapped, and output that has lines of more than 110 characters.
 
-Others scroll, as tables must.
+Other blocks scroll, as tables must.
 """
 
 from __future__ import annotations
@@ -19,6 +19,5 @@ def on_page_content(content: str, **_: object) -> str:
 
 def _marked(found: re.Match[str]) -> str:
     lines = html.unescape(re.sub(r"<[^>]*>", "", found[2])).splitlines()
-    if max(map(len, lines), default=0) <= LONGEST:
-        return found[0]
-    return found[0].replace(" highlight", " highlight wrapped", 1)
+    long = found[1] == "sh" or max(map(len, lines), default=0) > LONGEST
+    return found[0].replace(" highlight", " highlight wrapped", 1) if long else found[0]

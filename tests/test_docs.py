@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import os
+import pkgutil
 import re
 import runpy
 import shlex
@@ -181,6 +182,19 @@ def test_every_code_has_its_entry():
     entries = re.findall(r"^### `(\w+)`$", (ROOT / "docs/guide/refusals.md").read_text(), re.MULTILINE)
     assert len(codes()) > 10
     assert sorted(entries) == sorted(codes())
+
+
+def test_every_equation_of_the_paper_is_placed():
+    """All 25 labels, each with code that exists."""
+    pytest.importorskip("torch", reason="PyTorch comes with the extra train")
+    rows = re.findall(r"^\| (eq:.*?) \|.*\| (.*?) \|$", (ROOT / "docs/theory.md").read_text(), re.MULTILINE)
+    labels = set()
+    for label, _ in rows:
+        named = [int(number) for number in re.findall(r"eq:(\d+)", label)]
+        labels |= set(range(named[0], named[1] + 1)) | set(named) if " to " in label else set(named)
+    assert labels == set(range(1, 26)) - {10}  # no equation has the label 10
+    for name in re.findall(r"`([\w.]+)`", " ".join(ours for _, ours in rows)):
+        assert pkgutil.resolve_name(f"gyronorth.{name}")
 
 
 def test_every_json_field_is_explained():
