@@ -108,6 +108,6 @@ def meaning(parameter: Any) -> str:
 
 
 def cell(text: str, *, code: bool = True) -> str:
-    """Text that may stand in a table."""
-    text = " ".join(text.split()).replace("|", "\\|")
-    return f"`{text}`" if code and text else text
+    """Text that may stand in a table; within code a bar divides no cells."""
+    text = " ".join(text.split())
+    return f"`{text}`" if code and text else text.replace("|", "\\|")

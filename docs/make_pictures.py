@@ -143,7 +143,7 @@ def sigma_against_time() -> Figure:
                 label = {"turn_on_bias": "turn-on bias"}.get(part, part)
                 panel.plot(time, np.degrees(planned.parts[part]), color=colour, linestyle=line, label=label)
         panel.set(xscale="log", yscale="log", xlim=(10, 86400), ylim=(1e-3, 20), title=name)
-        panel.set_xticks([10, 60, 600, 3600, 36000], ["10 s", "1 min", "10", "1 h", "10 h"])
+        panel.set_xticks([60, 600, 3600, 36000], ["1 min", "10 min", "1 h", "10 h"])
         panel.minorticks_off()
         panel.set_yticks([0.001, 0.01, 0.1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
     panels[0].set_ylabel("heading sigma (deg)")
@@ -183,10 +183,10 @@ def two_poses() -> Figure:
     arrow(panels[2], (0, 0), tuple(half_sum), RED)
     panels[2].set_title("Both together", loc="center")
     for panel, x, y, text, colour in (
-        (panels[0], -5.5, 3.5, "Earth", BLUE),
-        (panels[0], -4.5, 12.8, "bias", RED),
+        (panels[0], -8.2, 3.5, "Earth", BLUE),
+        (panels[0], -6.5, 13.4, "bias", RED),
         (panels[0], 4.5, 6.5, "measured", INK),
-        (panels[1], 1.0, -6.5, "Earth", BLUE),
+        (panels[1], 0.2, -6.5, "Earth", BLUE),
         (panels[1], 12.3, -11.2, "bias", RED),
         (panels[1], 9.5, -2.0, "measured", INK),
         (panels[2], -10.0, 3.0, "half the\ndifference", BLUE),
