@@ -19,6 +19,9 @@ def on_page_content(content: str, **_: object) -> str:
 
 def _set_in(found: re.Match[str]) -> str:
     alt, name = found.groups()
-    svg = (IMAGES / f"{name}.svg").read_text()
+    path = IMAGES / f"{name}.svg"
+    if not path.is_file():  # of another folder
+        return found[0]
+    svg = path.read_text()
     svg = svg.replace("<svg ", f'<svg role="img" aria-label="{alt}" ', 1)
     return f'<figure class="picture">{svg}</figure>'

@@ -171,9 +171,13 @@ def heading_batch(
         Sample rate, Hz.
     latitude : float
         rad.
-    sensor, method, model
+    sensor : Sensor or str, optional
+        As in `heading`.
+    method : str
         As in `heading`; "auto" takes every recording for one pose and chooses of "mean" and
         "inertial".
+    model : str or Path, optional
+        As in `heading`.
 
     Returns
     -------
