@@ -27,7 +27,10 @@ EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 DEMO = ROOT / "examples/data/demo.npz"
 TESTING = ROOT / "docs/testing.md"
 #: The shortest form of a study with networks.
-QUICK = "gyronorth benchmark paper --study table_2 --network-splits 1 --splits 1 --seeds 1 --epochs 1 --workers 1 -o out/quick"
+QUICK = (
+    "gyronorth benchmark paper --study table_2 --network-splits 1 --splits 1 --seeds 1 --epochs 1 --workers 1 "
+    "-o out/quick"
+)
 #: Languages under which a command or code would be shown without being run.
 UNCHECKED = {"bash", "shell", "zsh", "py", "pycon", "ipython"}
 
