@@ -12,7 +12,7 @@ DEMO := examples/data/demo.npz
 DEMO_SIZE_LIMIT := 450
 
 .DELETE_ON_ERROR:
-.PHONY: demo test fast check examples docs readme demo-recording size audit constraints clean
+.PHONY: demo test fast check examples docs outputs pictures readme demo-recording size audit constraints clean
 
 demo: .venv/.demo
 	@mkdir -p out
@@ -40,6 +40,13 @@ examples: .venv/.all
 
 docs: .venv/.all
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# What the commands on the pages print, and the pictures of the pages.
+outputs: .venv/.all
+	$(BIN)/python docs/make_outputs.py
+
+pictures: .venv/.all
+	$(BIN)/python docs/make_pictures.py
 
 # The table, the picture and the demo's answer in README.md, from their seeds.
 readme: .venv/.all

@@ -1,27 +1,51 @@
-"""The commands and the code of README and guide run; the examples run; the README's figures are current."""
+"""What README and pages say is so: commands, outputs, code, files, codes, pictures; the examples run."""
 
 from __future__ import annotations
 
+import ast
+import importlib.util
+import os
+import pkgutil
 import re
+import runpy
 import shlex
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 import yaml
 
 import gyronorth as gn
+from gyronorth.sensor import read_sensor
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
 DEMO = ROOT / "examples/data/demo.npz"
-BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-#: Development commands, which the tests cannot run from inside themselves.
-SKIPPED = ("make ", "git ", "cd ", "pip ", "python")
+TESTING = ROOT / "docs/testing.md"
+#: The shortest form of a study with networks.
+QUICK = (
+    "gyronorth benchmark paper --study table_2 --network-splits 1 --splits 1 --seeds 1 --epochs 1 --workers 1 "
+    "-o out/quick"
+)
+#: Languages under which a command or code would be shown without being run.
+UNCHECKED = {"bash", "shell", "zsh", "py", "pycon", "ipython"}
+
+
+def script(name: str) -> ModuleType:
+    """A script of docs/ as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / f"docs/{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # its dataclasses look themselves up
+    spec.loader.exec_module(module)
+    return module
+
+
+OUTPUTS = script("make_outputs")
+PAGES = OUTPUTS.pages()
 
 
 def pin(package: str) -> str:
@@ -29,8 +53,9 @@ def pin(package: str) -> str:
     return re.search(rf"^{package}==(.*)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE)[1]
 
 
+SAME_STREAMS = np.__version__ == pin("numpy")
 same_streams = pytest.mark.skipif(
-    np.__version__ != pin("numpy"), reason="NumPy keeps a seed's stream only within a version (NEP 19): needs the pin"
+    not SAME_STREAMS, reason="NumPy keeps a seed's stream only within a version (NEP 19): needs the pin"
 )
 
 
@@ -40,46 +65,200 @@ def clone(tmp_path, monkeypatch):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path)
+    for name, value in (("COLUMNS", "100"), ("NO_COLOR", "1"), ("TERM", "dumb"), ("MPLBACKEND", "agg")):
+        monkeypatch.setenv(name, value)
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "src"))
-    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     return tmp_path
-
-
-def blocks(page: Path, language: str) -> list[str]:
-    return [text for kind, text in BLOCK.findall(page.read_text()) if kind == language]
-
-
-def commands(page: Path) -> list[str]:
-    joined = "".join(blocks(page, "sh")).replace("\\\n", " ")
-    lines = (line.partition(" #")[0].strip() for line in joined.splitlines())
-    return [line for line in lines if line and not line.startswith(SKIPPED)]
 
 
 def run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=120, check=False)
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.stem)
-def test_commands_run(page, clone):
-    for command in commands(page):
-        program, *arguments = shlex.split(command)
-        assert program == "gyronorth", command
-        done = run(["-c", "from gyronorth.cli import main; main()", *arguments])
-        assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+def need_extras(path: Path) -> None:
+    """Skip where the page or the example needs an extra that is not installed."""
+    text = path.read_text()
+    if "gyronorth train" in text or "gyronorth.learn" in text:
+        pytest.importorskip("torch", reason="PyTorch comes with the extra train")
+    if "--method paper" in text or "by learned" in text:
+        pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra learned")
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
-def test_code_runs(page, clone):
-    for code in blocks(page, "python"):
-        done = run(["-W", "error", "-c", code])
-        assert done.returncode == 0, f"{code}\n{done.stderr}"
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_page_runs_and_shows_what_comes_out(page, clone):
+    need_extras(page)
+    for block in OUTPUTS.blocks(page.read_text()):
+        done = OUTPUTS.work(block)
+        for command, (code, output) in zip(OUTPUTS.commands(block), done, strict=True):
+            assert code == 0 or block.language == "console", f"{command}\n{output}"
+            assert code in (0, 2, 3), f"{command}\n{output}"
+        if SAME_STREAMS:
+            answers = iter([output for _, output in done])
+            assert OUTPUTS.answered(block, answers) == block.text, f"run `make outputs`: {page.name}"
+        check_file(block)
+
+
+def check_file(block) -> None:
+    """A file that a page shows is one that the program takes."""
+    if not (block.comment and block.comment.startswith("file: ")):
+        return
+    path = Path(block.comment.removeprefix("file: "))
+    if path.suffix == ".yaml":
+        settings = pytest.importorskip("gyronorth.learn.settings")
+        settings.read_settings(path)
+    else:
+        assert {".json": read_sensor, ".csv": gn.read}[path.suffix](path)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_no_block_escapes(page):
+    text = page.read_text()
+    found = OUTPUTS.blocks(text)
+    assert not {block.language for block in found} & UNCHECKED
+    assert len(re.findall(r"^```", text, re.MULTILINE)) == 2 * len(found)
+
+
+def exceptions() -> dict[str, str]:
+    """Commands that are only shown, by the table of docs/testing.md, and what runs in the place of each."""
+    rows = re.findall(r"^\|[^`|]*\| `(gyronorth .*?)` \|.*?`([^`]+)`[^`]*\|$", TESTING.read_text(), re.MULTILINE)
+    return dict(rows)
+
+
+def test_what_is_only_shown_is_listed_with_what_runs_instead():
+    shown = [
+        line
+        for page in PAGES
+        for block in OUTPUTS.blocks(page.read_text())
+        for line in block.text.splitlines()
+        if line.startswith("gyronorth ") and block.language not in ("sh", "console")
+    ]
+    assert sorted(shown) == sorted(exceptions())
+    text = "\n".join(path.read_text() for path in [*PAGES, *sorted((ROOT / "tests").glob("test_*.py"))])
+    for instead in exceptions().values():
+        pattern = rf"^{re.escape(instead)}$|def {re.escape(instead)}\("
+        assert instead == QUICK or re.search(pattern, text, re.MULTILINE), instead
+
+
+@pytest.mark.slow
+def test_a_study_of_networks_in_its_shortest_form(clone):
+    pytest.importorskip("torch", reason="PyTorch comes with the extra train")
+    assert QUICK in exceptions().values()
+    code, output = OUTPUTS.run(QUICK)
+    assert code == 0, output
+    assert "CRMSE" in Path("out/quick/table_2.md").read_text()
+
+
+def test_commands_in_sentences_exist():
+    import typer.main
+
+    from gyronorth.cli import app
+
+    known = typer.main.get_command(app).commands
+    called = {call for page in PAGES for call in re.findall(r"`gyronorth ([^`]+)`", page.read_text())}
+    assert len(called) > 10
+    for call in called | {shown.removeprefix("gyronorth ") for shown in exceptions()}:
+        name, *words = shlex.split(call)
+        options = {each for parameter in known[name].params for each in parameter.opts}
+        assert {word for word in words if word.startswith("-")} <= options, call
+
+
+def test_a_wrong_output_is_found(clone):
+    page = "```console\n$ gyronorth heading examples/data/demo.npz --sensor sdc500 | head -2\nheading  46 deg\n```\n"
+    new = OUTPUTS.rewritten(page)
+    assert "verdict            valid\nheading            45.74 deg\n```" in new
+    assert OUTPUTS.rewritten(new) == new
+
+
+def codes() -> set[str]:
+    """The codes of reasons and warnings in the source."""
+    found = set()
+    for path in (ROOT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            name = getattr(getattr(node, "func", None), "id", "")
+            if name in ("Gate", "Finding", "Note") and node.args and isinstance(node.args[0], ast.Constant):
+                found.add(node.args[0].value)
+    return found
+
+
+def test_every_code_has_its_entry():
+    entries = re.findall(r"^### `(\w+)`$", (ROOT / "docs/guide/refusals.md").read_text(), re.MULTILINE)
+    assert len(codes()) > 10
+    assert sorted(entries) == sorted(codes())
+
+
+def test_every_equation_of_the_paper_is_placed():
+    """All 25 labels, each with code that exists."""
+    pytest.importorskip("torch", reason="PyTorch comes with the extra train")
+    rows = re.findall(r"^\| (eq:.*?) \|.*\| (.*?) \|$", (ROOT / "docs/theory.md").read_text(), re.MULTILINE)
+    labels = set()
+    for label, _ in rows:
+        named = [int(number) for number in re.findall(r"eq:(\d+)", label)]
+        labels |= set(range(named[0], named[1] + 1)) | set(named) if " to " in label else set(named)
+    assert labels == set(range(1, 26)) - {10}  # no equation has the label 10
+    for name in re.findall(r"`([\w.]+)`", " ".join(ours for _, ours in rows)):
+        assert pkgutil.resolve_name(f"gyronorth.{name}")
+
+
+def test_every_json_field_is_explained():
+    text = (ROOT / "docs/guide/output.md").read_text()
+    fields = gn.heading(gn.read(DEMO), sensor="sdc500").to_json()
+    assert not [name for name in fields if f"`{name}`" not in text]
+
+
+def test_every_public_name_is_in_the_reference():
+    text = (ROOT / "docs/api.md").read_text()
+    for name in gn.__all__:
+        assert f"[`gn.{name}`][gyronorth." in text
+        home = getattr(gn, name).__module__
+        assert any(home == module or home.startswith(f"{module}.") for module in re.findall(r"^::: (.*)$", text, re.M))
+
+
+def test_command_reference_has_every_option():
+    import typer.main
+
+    from gyronorth.cli import app
+
+    text = script("command_reference").reference()
+    commands = typer.main.get_command(app).commands
+    assert "\x1b" not in text
+    assert "`FILE|FOLDER`" in text  # no bar is escaped within code
+    for name, command in commands.items():
+        assert f"## gyronorth {name}\n" in text
+        for parameter in command.params:
+            assert parameter.help, f"{name} {parameter.name} has no help text"
+            names = parameter.opts if parameter.param_type_name == "option" else []
+            assert not [each for each in names if f"`{each}`" not in text]
+
+
+def test_pictures_are_those_of_the_pages():
+    shown = {name for page in PAGES for name in re.findall(r"images/(\w+)\.svg", page.read_text())}
+    made = script("make_pictures").PICTURES
+    files = {path.stem: path for path in (ROOT / "docs/images").glob("*.svg")}
+    assert shown == set(made) == set(files)
+    assert all(path.stat().st_size < 150_000 for path in files.values())
+
+
+@pytest.mark.slow
+@same_streams
+def test_figures_in_the_pictures_are_current():
+    pictures = script("make_pictures")
+    for name in pictures.PICTURES:
+        drawn, kept = pictures.picture(name), (ROOT / f"docs/images/{name}.svg").read_text()
+        labels = [re.findall(r">([^<>]+)</text>", text) for text in (drawn, kept)]
+        assert labels[0] == labels[1], f"run `make pictures`: {name}"
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.stem)
-def test_example_runs(example, clone):
-    done = run(["-W", "error", str(example)])
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+def test_example_runs(example, clone, capsys):
+    need_extras(example)
+    runpy.run_path(str(example), run_name="__main__")
+    assert capsys.readouterr().out.strip()
+
+
+def test_every_example_is_in_the_index():
+    index = (ROOT / "examples/README.md").read_text()
+    assert re.findall(r"^\| `(\d\d_\w+\.py)`", index, re.MULTILINE) == [path.name for path in EXAMPLES]
 
 
 @pytest.mark.slow

@@ -271,6 +271,14 @@ def test_shipped_bundle_runs_and_refuses_what_does_not_fit():
     assert {finding.code for finding in short.reasons} == {"bundle_mismatch"}
 
 
+def test_network_is_refused_where_the_mean_is_not_earth_rate():
+    recording = recorded(rate_hz=3.0)
+    biased = replace(recording, gyro_b=recording.gyro_b + np.array([60.0, -80.0, 100.0]) * DEG_PER_HOUR)
+    for method in ("paper", "baseline"):
+        codes = {finding.code for finding in heading(biased, sensor="sdc500", method=method).reasons}
+        assert codes == {"rate_norm", "implied_latitude"}
+
+
 def test_learned_beats_the_mean_on_the_reference_mix_and_says_so():
     made = reference_set(runs=200)
     sensor = Sensor("mix", TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR, turn_on_bias=0.1 * DEG_PER_HOUR))

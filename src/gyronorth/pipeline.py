@@ -172,9 +172,13 @@ def heading_batch(
         Sample rate, Hz.
     latitude : float
         rad.
-    sensor, method, model
+    sensor : Sensor or str, optional
+        As in `heading`.
+    method : str
         As in `heading`; "auto" takes every recording for one pose and chooses of "mean" and
         "inertial".
+    model : str or Path, optional
+        As in `heading`.
 
     Returns
     -------
@@ -351,7 +355,7 @@ def _find(
                 f"The bundle {bundle.name} is one of method {bundle.info.method}, but method {method} was asked for. "
                 f"Use --method {bundle.info.method} with it."
             )
-        return _Found(method, solve_network(data, closed, bundle), "asked for", moved, bundle=bundle.name)
+        return _Found(method, solve_network(data, closed, moved, bundle), "asked for", moved, bundle=bundle.name)
     mean = solve_mean(data, closed, moved)
     if method == "mean":
         return _Found("mean", mean, "asked for", moved)

@@ -20,7 +20,7 @@ from gyronorth.deviation import DeviationModel, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import Pose, Turn
 from gyronorth.levelling import mat_lb
-from gyronorth.solution import Data, Disturbance, Solution, claimed_parts
+from gyronorth.solution import Data, Disturbance, Solution, claimed_parts, solve_mean
 from gyronorth.uncertainty import NORMAL_975, SIGMA_UNKNOWN, von_mises
 from gyronorth.validity import Finding, Gate, rate_gates, width_gates
 
@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 BAYES_RATE, BAYES_SHORTEST, BAYES_LONGEST = 3.0, 30.0, 300.0
 #: Residuals over the noise law, root mean square, above which poses and turns contradict each other.
 MISFIT_LIMIT = 5.0
+#: Gates of the closed form that judge the recording and not the method.
+OF_THE_RECORDING = ("rate_norm", "implied_latitude", "motion")
 
 
 @dataclass(frozen=True)
@@ -188,11 +190,12 @@ def mismatched(mean: Levelled, bundle: LoadedBundle, misfits: Sequence[Mismatch]
     return Solution(mean, {}, np.asarray(SIGMA_UNKNOWN), np.asarray(np.pi), gates)
 
 
-def solve_network(data: Data, mean: Levelled, bundle: LoadedBundle) -> Solution:
+def solve_network(data: Data, mean: Levelled, moved: Disturbance, bundle: LoadedBundle) -> Solution:
     """Heading of a trained bundle, with the error it had on recordings it had not seen.
 
     A network claims no uncertainty of its own. Its sigma is the cyclic root mean square error on
-    the bundle's test recordings, or its validation ones, or none at all.
+    the bundle's test recordings, or its validation ones, or none at all. A recording whose mean is not
+    Earth rate, or that moved, is refused as it is for the closed form.
     """
     from gyronorth.alignment.learned import last_window, misfits, run
 
@@ -208,7 +211,8 @@ def solve_network(data: Data, mean: Levelled, bundle: LoadedBundle) -> Solution:
     sigma, half = von_mises(np.asarray(1 / sigma**2)) if error is not None else (np.asarray(sigma), np.asarray(np.pi))
     signal = EARTH_RATE * np.cos(data.latitude)
     parts = {"network": np.asarray((sigma * signal) ** 2)}
-    return Solution(replace(mean, heading=np.asarray(heading)), parts, sigma, half, [])
+    gates = [gate for gate in solve_mean(data, mean, moved).gates if gate.code in OF_THE_RECORDING]
+    return Solution(replace(mean, heading=np.asarray(heading)), parts, sigma, half, gates)
 
 
 def with_deviation(

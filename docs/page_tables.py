@@ -1,0 +1,74 @@
+"""A hook of the documentation: tables that come from elsewhere when the pages are built.
+
+`<!-- from README: NAME -->` stands for what lies between the marks of NAME in README.md, and
+`<!-- tests -->` for a table of the test files, counted in their source.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+#: Packages whose results ours are held against -> what for.
+ORACLES = {
+    "ahrs": "closed-form attitude",
+    "allantools": "Allan deviation",
+    "diffusers": "noise schedule and samplers",
+    "pyins": "Earth rate and gravity, sensor errors",
+    "scipy": "laws of probability, rotations, quadrature",
+}
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Put the tables into a page."""
+    markdown = re.sub(r"<!-- from README: (\w+) -->", lambda found: of_readme(found[1]), markdown)
+    return markdown.replace("<!-- tests -->", tests()).replace("<!-- oracles -->", oracles())
+
+
+def of_readme(name: str) -> str:
+    """What README.md has between its marks."""
+    found = re.search(rf"<!-- {name}: make readme -->\n(.*?)<!-- end -->", (ROOT / "README.md").read_text(), re.DOTALL)
+    if not found:
+        raise ValueError(f"README.md has no mark for {name}")
+    # An interval is not broken at its hyphen.
+    return re.sub(r"(?<=\d)-(?=\d)", "&#8209;", found[1])
+
+
+def test_files() -> list[Path]:
+    """The files of tests, those on recorded data last."""
+    return [*sorted((ROOT / "tests").glob("test_*.py")), *sorted((ROOT / "tests/real").glob("test_*.py"))]
+
+
+def test_functions(path: Path) -> Iterator[tuple[ast.FunctionDef, set[str]]]:
+    """Each test of a file with the names of its decorators, `pytest.mark.slow` as slow."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+            named = (each.func if isinstance(each, ast.Call) else each for each in node.decorator_list)
+            yield node, {ast.unparse(each).rpartition(".")[2] for each in named}
+
+
+def tests() -> str:
+    """Test files with what they are about and their number of tests."""
+    lines = ["| file | about | tests | of them with generated input | slow |", "|---|---|---|---|---|"]
+    total = [0, 0, 0]
+    for path in test_files():
+        about = (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n")[0].replace("|", "\\|")
+        marks = [marks for _, marks in test_functions(path)]
+        counts = [len(marks), sum("given" in each for each in marks), sum("slow" in each for each in marks)]
+        total = [sum(pair) for pair in zip(total, counts, strict=True)]
+        name = str(path.relative_to(ROOT / "tests"))
+        lines.append(f"| `{name}` | {about} | " + " | ".join(str(count or "") for count in counts) + " |")
+    return "\n".join([*lines, "| **all** | | " + " | ".join(f"**{count}**" for count in total) + " |"])
+
+
+def oracles() -> str:
+    """Which tests use which other package."""
+    lines = ["| package | held against it | in |", "|---|---|---|"]
+    for package, purpose in ORACLES.items():
+        use = re.compile(rf"\b(?:import|from) {package}\b|importorskip\(\"{package}\"")
+        users = [f"`{path.name}`" for path in test_files() if use.search(path.read_text())]
+        lines.append(f"| {package} | {purpose} | {', '.join(users)} |")
+    return "\n".join(lines)
