@@ -13,7 +13,7 @@ from gyronorth.angles import angle_error
 from gyronorth.disturbance import HELD_OUT, KINDS, reference_set
 from gyronorth.evaluation import Interval, bootstrap_crmse, bootstrap_ratio
 from gyronorth.studies.disturbed_methods import METHODS, Part, part_of
-from gyronorth.studies.methods import as_rad
+from gyronorth.studies.methods import as_rad, rounded
 from gyronorth.studies.study import Plan, Study
 from gyronorth.studies.tables import Report, Table, degrees
 from gyronorth.studies.work import Result, Unit
@@ -53,7 +53,7 @@ def judge(*, kind: str, duration: float, bias_deg_h: float, runs: int, rows: lis
             continue
         found = method(part)
         off = angle_error(part.made.heading[part.rows], found.heading)
-        errors[name] = np.round(np.degrees(off), 6).tolist()
+        errors[name] = rounded(off)
         if found.low is not None and found.high is not None:
             inside[name] = ((off >= found.low) & (off <= found.high)).tolist()
     return {"error_deg": errors, "inside": inside}
