@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def judge(*, case: dict, runs: int, seed: list[int]) -> Result:
     pose = STILL / (len(turns) + 1)
     starts = pose * (np.arange(len(turns)) + 1) + TURN * np.arange(len(turns))
     motion = Motion(turns=tuple((float(s), TURN, float(angle)) for s, angle in zip(starts, turns, strict=True)))
-    known = {"rate_hz": RATE_HZ, "latitude": float(np.radians(one.latitude_deg))}
+    known: dict[str, Any] = {"rate_hz": RATE_HZ, "latitude": float(np.radians(one.latitude_deg))}
     start = rng.uniform(0, 2 * np.pi, runs)
     gyro, accel = simulate_batch(
         sensor,
