@@ -317,9 +317,7 @@ def _find(method: str, data: Data, model: str | Path | None, turn_angles: Sequen
         if method == "turned" or segments.poses > 1:
             angles = None if turn_angles is None else np.asarray(turn_angles, dtype=float)
             turned = solve_turned(data, segments, angles)
-            why = (
-                "asked for" if method == "turned" else f"{segments.poses} poses, whose turns tell bias from Earth rate"
-            )
+            why = "asked for" if method == "turned" else f"{segments.poses} poses"
             return _Found(
                 "turned",
                 turned.solution,
