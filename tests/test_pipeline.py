@@ -371,3 +371,35 @@ def test_interval_without_a_profile_is_student_t_on_the_two_discrepancies(latitu
     half = 4.3027 * np.sqrt(2.5) / np.sqrt((signal + 2) * signal)
     assert_allclose((high - low) % (2 * np.pi) / 2, half, rtol=2e-3)  # noise of 6e-4 deg/h against 1 deg/h
     assert {finding.code for finding in estimate.warnings} == {"bias_unknown"}
+
+
+def test_auto_holds_no_bias_constant_that_settles():
+    # A warm-up of 4 deg/h is 6 deg of heading in a mean of 100 s: neither it nor gravity knows.
+    pytest.importorskip("onnxruntime")
+    rng = np.random.default_rng(4)
+    motion = Motion(disturbance="warmup")
+    record = simulate("isa100c", latitude=0.56, heading=1.0, duration=100, rate_hz=10, rng=rng, motion=motion)
+    gyro = record.gyro_b + 4 * DEG_PER_HOUR * np.exp(-np.arange(1000) / 500)[:, None] * [0.3, 1.0, 0.0]
+    estimate = heading(replace(record, gyro_b=gyro), sensor="isa100c")
+    assert estimate.method == "learned"
+    assert "settles" in estimate.method_reason
+    assert estimate.unrest is not None
+    assert estimate.unrest.unsteady > 0.5
+    assert abs(angle_error(estimate.heading, 1.0)) < 3 * estimate.sigma
+    traced = heading(replace(record, gyro_b=gyro), sensor="isa100c", method="mean")
+    assert abs(angle_error(traced.heading, 1.0)) > 4 * traced.sigma
+
+
+@pytest.mark.slow
+def test_auto_covers_the_reference_mix_with_an_accelerometer():
+    """40 intervals of 90 %: 28 or fewer hold once in 500 times. Choosing by sigma alone, 53 % held."""
+    pytest.importorskip("onnxruntime")
+    rng = np.random.default_rng(11)
+    true = rng.uniform(0, 2 * np.pi, 40)
+    known = {"latitude": 0.56, "rate_hz": 10.0}
+    gyro, accel = simulate_batch(
+        "isa100c", runs=40, heading=true, duration=100, rng=rng, motion=Motion(disturbance="mixed"), **known
+    )
+    found = [heading(Recording(g, a, 10.0, latitude=0.56), sensor="isa100c") for g, a in zip(gyro, accel, strict=True)]
+    off = np.abs(angle_error([one.heading for one in found], true))
+    assert np.mean(off < 1.96 * np.array([one.sigma for one in found])) > 0.72

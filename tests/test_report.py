@@ -16,7 +16,7 @@ from pynmeagps import NMEAReader
 
 from gyronorth.allan import allan_deviation
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.estimate import Convergence, HeadingEstimate, Pose
+from gyronorth.estimate import Convergence, HeadingEstimate, Pose, Turn, Unrest
 from gyronorth.report import figures, nmea, tables, terminal, wording
 from gyronorth.report.html import heading_page
 from gyronorth.report.tables import Outcome
@@ -315,6 +315,34 @@ class TestPage:
         assert "<script" not in page
         assert "&lt;b&gt;3&lt;/b&gt; rows &amp; more" in page
         assert "<i>" not in page
+
+
+def test_page_shows_the_disturbance_that_was_found():
+    found = Unrest(tones=1.9, settling=0.98, tilt=0.02, walk=None, bumps=2.0, excess=1.04, fits=True)
+    page = heading_page(Outcome("a.csv", replace(VALID, method="learned", unrest=found)), CONVERGENCE)
+    cells = dict(re.findall(r"<tr><td>([^<]*)</td><td class=\"n\">([^<]*)</td></tr>", page))
+    assert cells["sway tones, expected number"] == "1.9"
+    assert cells["the bias settles, probability"] == "0.98"
+    assert cells["left out as bumps"] == "2.0 s"
+    assert "the bias walks, probability" not in cells
+    assert "by plain averaging, not by learned" in page
+    assert "Disturbance found" not in heading_page(Outcome("a.csv", VALID), CONVERGENCE)
+
+
+def test_turns_are_taken_out_of_the_heading_against_time():
+    poses = (Pose(0.0, 40.0, radians(350.0)), Pose(50.0, 90.0, radians(80.0)), Pose(95.0, 120.0, radians(260.0)))
+    turns = (Turn(40.0, 50.0, radians(90.0)), Turn(90.0, 95.0, radians(180.0)))
+    turned = replace(VALID, heading=radians(260.0), poses=poses, turns=turns, method="turned")
+    # In the first pose, in the turn, just behind it when the second pose is not found yet, in both others.
+    along = Convergence(
+        time=np.array([20.0, 45.0, 51.0, 70.0, 120.0]),
+        heading=np.radians([352.0, 351.0, 350.5, 79.0, 260.0]),
+        half_width=np.radians([3.0, 3.0, 3.0, 2.0, 1.0]),
+        valid=np.ones(5, bool),
+    )
+    figure = figures.convergence_figure(along, turned)
+    drawn = next(line for line in figure.axes[0].lines if line.get_label() == "heading, valid").get_ydata()
+    np.testing.assert_allclose(drawn, [262.0, 261.0, 260.5, 259.0, 260.0], atol=1e-9)
 
 
 def test_json_keys_are_those_of_the_design():

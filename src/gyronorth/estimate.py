@@ -38,6 +38,24 @@ class Turn:
 
 
 @dataclass(frozen=True)
+class Unrest:
+    """What a method that models disturbance (bayes, learned) found in a recording."""
+
+    tones: float  # expected number of sway tones
+    settling: float  # probability that the gyro bias settles
+    tilt: float | None  # probability that the unit tilts slowly; None where the method does not ask
+    walk: float | None  # probability that the gyro bias walks from switch-on; likewise
+    bumps: float  # time left out as bumps, s
+    excess: float  # residual over the sensor's noise, root mean square
+    fits: bool  # whether the method explains the recording
+
+    @property
+    def unsteady(self) -> float:
+        """Probability that the gyro bias changes in a way that averages take for Earth rate."""
+        return self.settling + (self.walk or 0.0)
+
+
+@dataclass(frozen=True)
 class HeadingEstimate:
     """The heading of one recording, its uncertainty and the verdict on it. SI and radians."""
 
@@ -63,6 +81,7 @@ class HeadingEstimate:
     rate_mean: tuple[float, float, float]  # mean angular rate in the body frame, rad/s
     rate_norm: float  # its norm, rad/s
     implied_latitude: float | None  # asin(-w_down / |w|), rad
+    unrest: Unrest | None = None  # where a method was tried that models disturbance
 
     @property
     def valid(self) -> bool:

@@ -17,7 +17,7 @@ from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimated, still_segments
 from gyronorth.deviation import DeviationModel
 from gyronorth.earth import EARTH_RATE
-from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate, Pose, Turn
+from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate, Pose, Turn, Unrest
 from gyronorth.recording import InputError, Recording, shift_utc
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.solution import (
@@ -58,6 +58,8 @@ METHODS = ("auto", "mean", "inertial", "turned", "bayes", "learned", "paper", "b
 TRAINED = ("learned", "paper", "baseline")
 #: Said where `learned` is asked for and cannot explain the recording.
 UNLEARNED = "The disturbance is of no kind that was learned; sigma is widened by what stays unexplained."
+#: Probability that the bias settles or walks from which auto takes no method that holds it constant.
+UNSTEADY = 0.5
 #: Latitudes given and stored may differ by this, rad, before it is a mistake.
 LATITUDE_CONFLICT = np.radians(0.1)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
@@ -77,6 +79,7 @@ class _Found:
     gyro_bias: tuple[float, float, float] | None = None
     bundle: str | None = None
     warnings: tuple[Finding, ...] = ()
+    unrest: Unrest | None = None
 
 
 def heading(
@@ -347,9 +350,9 @@ def _find(
         if method == "learned" and bundle.deviation is not None:
             return _corrected(data, closed, moved, bundle, session=session)
         if method == "learned":
-            solution, fits = solve_learned(data, closed, moved, bundle)
-            warnings = () if fits or not solution.parts else (Finding("swaying", UNLEARNED),)
-            return _Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings)
+            solution, unrest = solve_learned(data, closed, moved, bundle)
+            warnings = () if unrest is None or unrest.fits else (Finding("swaying", UNLEARNED),)
+            return _Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings, unrest=unrest)
         if bundle.info.method in set(TRAINED) - {method}:
             raise InputError(
                 f"The bundle {bundle.name} is one of method {bundle.info.method}, but method {method} was asked for. "
@@ -362,7 +365,8 @@ def _find(
     if method == "inertial":
         return _Found("inertial", solve_inertial(data, moved), "asked for", moved)
     if method == "bayes":
-        return _Found("bayes", solve_bayes(data, closed, moved), "asked for", moved)
+        solution, unrest = solve_bayes(data, closed, moved)
+        return _Found("bayes", solution, "asked for", moved, unrest=unrest)
     return _of_one_pose(data, closed, moved, mean)
 
 
@@ -376,20 +380,30 @@ def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solutio
     candidates = {"mean": mean}
     if traced is not None:
         candidates["inertial"] = traced
-    bundle = None
-    if moved.detected and bayes_fits(data):
-        learned, fits = None, False
-        if find_spec("onnxruntime") is not None:
-            bundle = _bundle("learned", None)
-            learned, fits = solve_learned(data, closed, moved, bundle)
-        if learned is not None and fits:
-            candidates["learned"] = learned
-        else:
-            candidates["bayes"] = solve_bayes(data, closed, moved)
+    modelled = _modelled(data, closed, moved) if moved.detected and bayes_fits(data) else None
+    unrest = None if modelled is None else modelled.unrest
+    if modelled is not None and unrest is not None:
+        if unrest.unsteady >= UNSTEADY:
+            why = f"one pose, disturbed: the bias settles or walks with probability {unrest.unsteady:.2f}"
+            return replace(modelled, why=f"{why}, which mean and inertial would take for Earth rate")
+        candidates[modelled.method] = modelled.solution
     best = min(candidates, key=lambda name: float(candidates[name].sigma))
     sigmas = ", ".join(f"{np.degrees(float(found.sigma)):.2f} deg by {name}" for name, found in candidates.items())
-    name = bundle.name if bundle is not None and best == "learned" else None
-    return _Found(best, candidates[best], f"one pose, disturbed: sigma {sigmas}", moved, bundle=name)
+    why = f"one pose, disturbed: sigma {sigmas}"
+    if modelled is not None and best == modelled.method:
+        return replace(modelled, why=why)
+    return _Found(best, candidates[best], why, moved, unrest=unrest)
+
+
+def _modelled(data: Data, closed: Levelled, moved: Disturbance) -> _Found:
+    """The method that models disturbance: learned, or bayes where it cannot run or explain the recording."""
+    if find_spec("onnxruntime") is not None:
+        bundle = _bundle("learned", None)
+        solution, unrest = solve_learned(data, closed, moved, bundle)
+        if unrest is not None and unrest.fits:
+            return _Found("learned", solution, "", moved, bundle=bundle.name, unrest=unrest)
+    solution, unrest = solve_bayes(data, closed, moved)
+    return _Found("bayes", solution, "", moved, unrest=unrest)
 
 
 def _bundle(method: str, model: str | Path | None) -> LoadedBundle:
@@ -539,6 +553,7 @@ def _estimate(recording: Recording, data: Data, found: _Found) -> HeadingEstimat
         rate_mean=(float(mean[0]), float(mean[1]), float(mean[2])),
         rate_norm=norm,
         implied_latitude=float(implied_latitude(levelled.rate_l)) if norm > 0 else None,
+        unrest=found.unrest,
     )
 
 

@@ -18,7 +18,7 @@ from gyronorth.alignment.turned_segments import Segments, find_segments
 from gyronorth.conditioning import decimate
 from gyronorth.deviation import DeviationModel, rate_surplus
 from gyronorth.earth import EARTH_RATE
-from gyronorth.estimate import Pose, Turn
+from gyronorth.estimate import Pose, Turn, Unrest
 from gyronorth.levelling import mat_lb
 from gyronorth.solution import Data, Disturbance, Solution, claimed_parts, solve_mean
 from gyronorth.uncertainty import NORMAL_975, SIGMA_UNKNOWN, von_mises
@@ -121,8 +121,8 @@ def bayes_fits(data: Data) -> bool:
     return data.rate_hz >= BAYES_RATE and BAYES_SHORTEST <= data.duration <= BAYES_LONGEST + 1
 
 
-def solve_bayes(data: Data, mean: Levelled, moved: Disturbance) -> Solution:
-    """Model averaging over tones, settling and bumps (`alignment.bayes`) of one recording."""
+def solve_bayes(data: Data, mean: Levelled, moved: Disturbance) -> tuple[Solution, Unrest]:
+    """Model averaging over tones, settling and bumps (`alignment.bayes`) of one recording, and what it found."""
     from gyronorth.alignment.bayes import bayes
 
     gyro_l = decimate(data.gyro_b, rate_hz=data.rate_hz, to_hz=BAYES_RATE) @ mat_lb(mean.roll, mean.pitch).T
@@ -131,23 +131,29 @@ def solve_bayes(data: Data, mean: Levelled, moved: Disturbance) -> Solution:
     low, high = fit.interval95
     half = ((high - low) % (2 * np.pi)) / 2 if high - low < 2 * np.pi else np.pi
     found = replace(mean, heading=np.asarray(fit.heading), rate_l=fit.rate_l)
-    return _of_disturbed(data, found, moved, sigma=fit.sigma, half=half)
+    unrest = Unrest(fit.tones, fit.settling, None, None, fit.bumps / BAYES_RATE, fit.noise, True)
+    return _of_disturbed(data, found, moved, sigma=fit.sigma, half=half), unrest
 
 
-def solve_learned(data: Data, mean: Levelled, moved: Disturbance, bundle: LoadedBundle) -> tuple[Solution, bool]:
-    """Proposals of a network weighed by evidence (`alignment.learned.solve`), and whether they explain the record."""
+def solve_learned(
+    data: Data, mean: Levelled, moved: Disturbance, bundle: LoadedBundle
+) -> tuple[Solution, Unrest | None]:
+    """Proposals of a network weighed by evidence, and what they found; None if the bundle does not fit."""
     from gyronorth.alignment.bundle import RecordingFacts, mismatch
     from gyronorth.alignment.learned import solve
 
     misfits = mismatch(bundle.info, RecordingFacts(data.rate_hz, data.duration, data.latitude))
     if misfits:
-        return mismatched(mean, bundle, misfits), False
+        return mismatched(mean, bundle, misfits), None
     gyro_l = data.gyro_b @ mat_lb(mean.roll, mean.pitch).T
     errors = None if data.sensor is None else data.sensor.gyro
     solved = solve(bundle, gyro_l[None], rate_hz=data.rate_hz, latitude=data.latitude, errors=errors)
-    found = replace(mean, heading=solved.heading[0], rate_l=solved.found[0].rate_l)
+    one = solved.found[0]
+    found = replace(mean, heading=solved.heading[0], rate_l=one.rate_l)
     half = min(float(solved.high[0] - solved.low[0]) / 2, np.pi)
-    return _of_disturbed(data, found, moved, sigma=float(solved.sigma[0]), half=half), bool(solved.fits[0])
+    bumps, excess = one.bumps / min(bundle.info.domain.rate_hz, data.rate_hz), float(np.sqrt(one.excess))
+    unrest = Unrest(one.tones, one.settling, one.tilt, one.walk, bumps, excess, bool(solved.fits[0]))
+    return _of_disturbed(data, found, moved, sigma=float(solved.sigma[0]), half=half), unrest
 
 
 def _of_disturbed(data: Data, found: Levelled, moved: Disturbance, *, sigma: float, half: float) -> Solution:

@@ -1,9 +1,9 @@
 """Heading of a disturbed recording: a network proposes bumps and tones, closed-form evidence decides.
 
 The network (`Propose`) says which samples lie in a bump and on which frequencies tones may be. On
-those few frequencies every model of a constant, at most two tones, a settling exponential or a slow tilt and the
-sensor's noise is weighed by its exact evidence (`evidence`), first on the grid of the
-proposals, then on finer ones where the tones are. Samples that the best model cannot explain
+those few frequencies every model of a constant, at most two tones, a settling exponential or a
+slow tilt and the sensor's noise is weighed by its exact evidence (`evidence`), first on the grid
+of the proposals, then on finer ones where the tones are. Samples that the best model cannot explain
 are left out, and samples that it can are taken back: a wrong proposal costs accuracy only if it
 misses a tone. The heading is the average over the models.
 

@@ -2,9 +2,10 @@
 
 The law is that of `gyronorth.alignment.bayes`: a constant, at most two tones, at most one settling
 exponential, samples left out in bumps. Here the frequencies come from outside, few enough for
-all time constants and all pairs to be worked in one array operation. Three things are added. Settling, tones
-and bumps are not independent: they come in kinds of recording, `KINDS`. A unit whose bias does not settle may tilt
-slowly, at the rate of an angle that settles. And in place of both the bias may walk from switch-on, as a sensor's rate random walk does, by more than the
+all time constants and all pairs to be worked in one array operation. Three things are added.
+Settling, tones and bumps are not independent: they come in kinds of recording, `KINDS`. A unit
+whose bias does not settle may tilt slowly, at the rate of an angle that settles. And in place of
+both the bias may walk from switch-on, as a sensor's rate random walk does, by more than the
 profile says: that is what is left when nothing else explains a slow change.
 """
 

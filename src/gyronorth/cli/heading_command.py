@@ -209,7 +209,7 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
         method=_along_time(estimate),
         attitude=request.attitude,
     )
-    deviation = _deviation(recording)
+    deviation = _deviation(recording, estimate)
     if plot is not None:
         truth = recording.heading_true
         figure = figures.heading_figure(convergence, estimate, heading_true=truth, deviation=deviation)
@@ -273,13 +273,17 @@ def _deviation_model(path: Path | None, *, any_session: bool) -> DeviationModel 
     return replace(curve, session=ANY_SESSION) if any_session else curve
 
 
-def _deviation(recording: Recording) -> AllanDeviation | None:
-    """Allan deviation of the gyro; None where the record is too short for a picture of it."""
+def _deviation(recording: Recording, estimate: HeadingEstimate) -> AllanDeviation | None:
+    """Allan deviation of the gyro, of turned recordings in the longest pose; None where that is too short to draw."""
     from gyronorth.allan import allan_deviation
 
-    if len(recording.gyro_b) < SHORTEST_ALLAN:
+    gyro_b = recording.gyro_b
+    if len(estimate.poses) > 1:
+        pose = max(estimate.poses, key=lambda pose: pose.end - pose.start)
+        gyro_b = gyro_b[round(pose.start * recording.rate_hz) : round(pose.end * recording.rate_hz)]
+    if len(gyro_b) < SHORTEST_ALLAN:
         return None
-    return allan_deviation(recording.gyro_b, rate_hz=recording.rate_hz)
+    return allan_deviation(gyro_b, rate_hz=recording.rate_hz)
 
 
 def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str, str]]:

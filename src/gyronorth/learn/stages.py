@@ -224,9 +224,7 @@ def train_heading(
     return TrainedHeading(network, settings, denoiser, progress)
 
 
-def fitted(
-    task: Task, settings: Settings, generator: torch.Generator, data_key: str, *, run: Run = Run()
-) -> Progress:
+def fitted(task: Task, settings: Settings, generator: torch.Generator, data_key: str, *, run: Run = Run()) -> Progress:
     """Run a training with the settings' threads, and with checkpoint and log in the run's folder."""
     checkpoint = None if run.folder is None else run.folder / f"{task.name}.pt"
     with (

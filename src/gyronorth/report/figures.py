@@ -24,12 +24,13 @@ from gyronorth.report.wording import duration_text, part_name
 from gyronorth.report.writing import written_beside
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
     from gyronorth.allan import AllanDeviation, Characterisation, Identification
-    from gyronorth.estimate import Convergence, HeadingEstimate
+    from gyronorth.estimate import Convergence, HeadingEstimate, Pose
     from gyronorth.planning import Plan
 
 #: Colour on a light page -> CSS variable of the HTML report.
@@ -107,7 +108,7 @@ def allan_figure(deviation: AllanDeviation) -> Figure:
 def draw_convergence(
     axes: Axes, convergence: Convergence, estimate: HeadingEstimate, *, heading_true: float | None = None
 ) -> None:
-    """Heading against time with its 95 % band, unwrapped about the final heading, and the truth if known."""
+    """Heading against time with its 95 % band, turns taken out, about the final heading, and the truth if known."""
     axes.set(title="Heading against time", xlabel="time from the start (s)", ylabel="heading (deg)")
     final = estimate.heading
     known = np.isfinite(convergence.heading)
@@ -116,7 +117,11 @@ def draw_convergence(
         return
     time, valid = convergence.time[known], convergence.valid[known]
     half_deg = np.degrees(convergence.half_width[known])
-    heading = np.degrees(final + wrap(convergence.heading[known] - final))
+    if len(estimate.poses) > 1:
+        axes.set(ylabel="heading of the last pose (deg)")
+        heading = np.degrees(final + _less_turns(time, convergence.heading[known], estimate.poses))
+    else:
+        heading = np.degrees(final + wrap(convergence.heading[known] - final))
     low, high = heading - half_deg, heading + half_deg
 
     axes.fill_between(time, low, high, color=BLUE, alpha=0.18, linewidth=0, label="95 % interval")
@@ -140,6 +145,17 @@ def draw_convergence(
     axes.yaxis.set_major_locator(MaxNLocator(nbins=7, steps=steps))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value % 360, 4) % 360:g}"))
     _legend_above(axes, columns=2)
+
+
+def _less_turns(time: NDArray, heading: NDArray, poses: Sequence[Pose]) -> NDArray:
+    """By how much each heading is off what the whole recording says of the pose that it is of, rad.
+
+    A heading is of the pose that has begun last, or of the one before while that is too short to be found.
+    """
+    pose = np.array([pose.heading for pose in poses])
+    last = np.maximum(np.searchsorted([pose.start for pose in poses], time, side="right") - 1, 0)
+    off = wrap(heading - pose[np.stack([last, np.maximum(last - 1, 0)])])
+    return np.take_along_axis(off, np.argmin(np.abs(off), axis=0)[None], axis=0)[0]
 
 
 def characterisation_figure(found: Characterisation) -> Figure:

@@ -72,6 +72,7 @@ def heading_page(
             allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
             inputs=inputs,
             poses=_poses(estimate),
+            unrest=_unrest(estimate),
             turns=[degrees(turn.angle) for turn in estimate.turns],
             quadrants=_quadrants(estimate),
             earth_rate_deg_h=EARTH_RATE / DEG_PER_HOUR,
@@ -126,6 +127,19 @@ def _poses(estimate: HeadingEstimate) -> list[dict[str, Any]]:
         }
         for pose in estimate.poses
     ]
+
+
+def _unrest(estimate: HeadingEstimate) -> list[tuple[str, str]]:
+    """What was found by a method that models disturbance, as (name, value)."""
+    found = estimate.unrest
+    if found is None:
+        return []
+    rows = [("sway tones, expected number", number_text(found.tones, decimals=1))]
+    chances = (("the bias settles", found.settling), ("the bias walks", found.walk), ("slow tilt", found.tilt))
+    rows += [(f"{name}, probability", f"{chance:.2f}") for name, chance in chances if chance is not None]
+    rows.append(("left out as bumps", number_text(found.bumps, decimals=1, unit="s")))
+    rows.append(("what is left, over the sensor's noise", number_text(found.excess)))
+    return rows
 
 
 def _quadrants(estimate: HeadingEstimate) -> list[float]:

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
 
 from gyronorth.report.figures import BLUE, FAINT, GREEN, INK, PINK, RED, SETTINGS, write
 
@@ -151,6 +151,41 @@ def _duration(figure: Figure, study: Study) -> None:
     axes.legend()
 
 
+def _turned(figure: Figure, study: Study) -> None:
+    """RMSE over its bound with the 95 % interval, one line a plan of turns."""
+    figure.set_size_inches(8.0, 5.2)
+    axes, table = figure.subplots(), study["tables"][0]
+    column = table["columns"].index("ratio to the bound")
+    _intervals(axes, [(row[0], row[column]) for row in table["rows"]])
+    axes.set(title=study["title"], xlabel="RMSE, ratio to the Cramer-Rao bound, 95 % interval")
+
+
+def _disturbed(figure: Figure, study: Study) -> None:
+    """Ratio to the mean on the mix, and the CRMSE of some methods against the duration."""
+    figure.set_size_inches(9.0, 9.5)
+    parts: Any = figure.subfigures(2, 1, height_ratios=(3, 2))
+    top, bottom = (part.subplots() for part in parts)
+    table = study["tables"][0]
+    column = table["columns"].index("ratio to the mean")
+    _intervals(top, [(row[0], row[column]) for row in table["rows"]])
+    top.set(title=table["title"], xlabel="CRMSE, ratio to the mean, 95 % interval", xlim=(0, None))
+    seconds, found = study["curves"]["seconds"], study["curves"]["crmse_deg"]
+    names = ("mean", "Huber", "inertial (with accelerometer)", "bayes", "learned")
+    for name, colour, style in zip(names, (INK, *_COLOURS), _STYLES, strict=False):
+        cells = [(second, one[name]) for second, one in zip(seconds, found, strict=True) if name in one]
+        heights = np.array([(cell["value"], cell["low"], cell["high"]) for _, cell in cells]).T
+        at = [second for second, _ in cells]
+        bottom.plot(at, heights[0], color=colour, linestyle=style, marker=".", label=name)
+        bottom.fill_between(at, heights[1], heights[2], color=colour, alpha=0.15, linewidth=0)
+    bottom.set(title="The mix by duration", xlabel="duration (s)", ylabel="CRMSE (deg)", xscale="log", yscale="log")
+    for axis in (bottom.xaxis, bottom.yaxis):
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    bottom.set_xticks(seconds)
+    bottom.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    bottom.minorticks_off()
+    bottom.legend()
+
+
 FIGURES: dict[str, Callable[[Figure, Study], None]] = {
     "noise": _noise,
     "leave_one_out": _ratios,
@@ -160,4 +195,6 @@ FIGURES: dict[str, Callable[[Figure, Study], None]] = {
     "scale": _scale,
     "t_back": _t_back,
     "duration": _duration,
+    "turned": _turned,
+    "disturbed": _disturbed,
 }

@@ -14,6 +14,7 @@ from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
 from gyronorth.studies.published_transfer import TRANSFER
 from gyronorth.studies.study import Plan, Study, write_study
+from gyronorth.studies.turned import TURNED
 from gyronorth.studies.work import executor_on, run_units
 
 DEFAULT = Plan()
@@ -30,6 +31,7 @@ STUDIES: tuple[Study, ...] = (
     SPREAD,
     COST,
     *VARIANTS,
+    TURNED,
     DISTURBED,
 )
 
@@ -68,7 +70,7 @@ def run_benchmark(
     Parameters
     ----------
     benchmark : str
-        `paper`, `published` or `disturbed`.
+        `paper`, `published`, `turned` or `disturbed`.
     only : tuple of str
         Names of studies; all by default.
     scheduler : str, optional

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from gyronorth.angles import angle_error
+from gyronorth.studies.methods import rounded
 from gyronorth.studies.networks import pack, rebuilt, unpack
 from gyronorth.studies.work import Result, Unit
 from gyronorth.twin import model_based
@@ -23,8 +22,8 @@ WINDOW = 100.0
 #: What differs from the paper's settings: each recording is one of its own heading, so that none is turned to others.
 HEADING = {
     "denoised": False,  # cleaned before, by a denoiser of any kind
-    "epochs": 30,
-    "patience": 10,
+    "epochs": 20,
+    "patience": 20,
     "batch": 100,
     "augment": {"copies": 1, "span_deg": 0.0},
 }
@@ -41,56 +40,62 @@ class Row:
 
 #: Row of the tables -> how it was trained.
 ROWS = {
-    "paper's pipeline, trained on the mix": Row("disturbance", "degrees"),
-    "the same, (cos, sin) output": Row("disturbance", "cos_sin"),
-    "the same, denoiser trained on white noise": Row("white", "cos_sin"),
-    "its heading network alone, (cos, sin)": Row(None, "cos_sin"),
-    "its denoiser trained on the mix + closed form": Row("disturbance", None),
-    "its denoiser in one step + closed form": Row("pairs", None),
+    "paper's pipeline, denoiser trained on the mix, degrees": Row("disturbance", "degrees"),
+    "paper's pipeline, denoiser trained on the mix, (cos, sin)": Row("disturbance", "cos_sin"),
+    "paper's pipeline, denoiser trained on white noise, (cos, sin)": Row("white", "cos_sin"),
+    "paper's heading network without denoiser, (cos, sin)": Row(None, "cos_sin"),
+    "paper's denoiser trained on the mix, closed form": Row("disturbance", None),
+    "paper's denoiser trained on white noise, closed form": Row("white", None),
+    "paper's denoiser in one step, closed form": Row("pairs", None),
 }
 
 
-def settings_of(row: Row, seed: int) -> dict:
-    """Settings of the networks of a row."""
+def settings_of(row: Row, seed: int, epochs: int | None) -> dict:
+    """Settings of the networks of a row, with `epochs` at most."""
     settings: dict[str, Any] = {"seed": seed, "samples": round(3 * WINDOW), "denoiser": DENOISER, "heading": HEADING}
     if row.output is not None:
         settings["heading"] = {**HEADING, "output": row.output}
     if row.denoiser == "pairs":  # many recordings in place of 576 clean ones: fewer epochs are as many steps
         settings["denoiser"] = {"epochs": 30, "patience": 30, "batch": 100}
+    if epochs is not None:
+        for part in ("denoiser", "heading"):
+            settings[part] = {**settings[part], "epochs": min(epochs, settings[part]["epochs"])}
     return settings
 
 
-def training_units(seed: int) -> dict[str, tuple[Unit, ...]]:
+def training_units(seed: int, epochs: int | None) -> dict[str, tuple[Unit, ...]]:
     """Units that train each row: its denoiser, its heading network."""
-    units = {}
+    units, drawn = {}, {"recordings": [TRAINED, VALIDATED]}
     for name, row in ROWS.items():
         needs: tuple[Unit, ...] = ()
         if row.denoiser is not None:
-            arguments = {"kind": row.denoiser, "settings": settings_of(Row(row.denoiser, None), seed)}
+            arguments = {"kind": row.denoiser, "settings": settings_of(Row(row.denoiser, None), seed, epochs), **drawn}
             needs = (Unit(f"disturbed_paper/denoiser-{row.denoiser}", train_denoiser_unit, arguments),)
         if row.output is not None:
-            arguments = {"kind": row.denoiser, "settings": settings_of(row, seed)}
+            arguments = {"kind": row.denoiser, "settings": settings_of(row, seed, epochs), **drawn}
             network = f"disturbed_paper/heading-{row.denoiser}-{row.output}"
             needs = (*needs, Unit(network, train_heading_unit, arguments, needs))
         units[name] = needs
     return units
 
 
-def judge_unit(name: str, arguments: dict, trained: dict[str, tuple[Unit, ...]]) -> Unit:
-    """Errors of all rows on some recordings of a case."""
+def judge_unit(name: str, case: dict, trained: dict[str, tuple[Unit, ...]]) -> Unit:
+    """Errors of all rows on the recordings of a case."""
     needs = tuple(unit for units in trained.values() for unit in units)
     counts = {row: len(units) for row, units in trained.items()}
-    return Unit(name, judge_trained, {**arguments, "counts": counts}, needs)
+    return Unit(name, judge_trained, {**case, "counts": counts}, needs)
 
 
-def train_denoiser_unit(*, kind: Any, settings: dict) -> Result:
-    """Weights of a denoiser, and how it came about."""
+def train_denoiser_unit(*, kind: Any, settings: dict, recordings: list[int]) -> Result:
+    """Weights of a denoiser, and how it came about; recordings for training and validation are drawn."""
     from gyronorth.learn.disturbed_paper import TRAIN, VALIDATION, draw_recordings, train_kind
     from gyronorth.learn.settings import Settings
 
     checked = Settings.model_validate(settings)
-    parts = (draw_recordings(checked, TRAINED, stream=TRAIN), draw_recordings(checked, VALIDATED, stream=VALIDATION))
-    trained = train_kind(checked, kind, *parts)
+    train, validation = (
+        draw_recordings(checked, n, stream=s) for n, s in zip(recordings, (TRAIN, VALIDATION), strict=True)
+    )
+    trained = train_kind(checked, kind, train, validation)
     return {
         "kind": kind,
         "settings": checked.model_dump(mode="json"),
@@ -101,7 +106,7 @@ def train_denoiser_unit(*, kind: Any, settings: dict) -> Result:
     }
 
 
-def train_heading_unit(*needs: Result, kind: Any, settings: dict) -> Result:
+def train_heading_unit(*needs: Result, kind: Any, settings: dict, recordings: list[int]) -> Result:
     """Weights of a heading network behind a denoiser, or none."""
     from gyronorth.learn.data import TrainingData
     from gyronorth.learn.disturbed_paper import TRAIN, VALIDATION, draw_recordings
@@ -109,7 +114,7 @@ def train_heading_unit(*needs: Result, kind: Any, settings: dict) -> Result:
     from gyronorth.learn.stages import train_heading
 
     checked = Settings.model_validate(settings)
-    streams = ((TRAINED, TRAIN), (VALIDATED, VALIDATION))
+    streams = zip(recordings, (TRAIN, VALIDATION), strict=True)
     drawn = [draw_recordings(checked, count, stream=stream).noisy for count, stream in streams]
     train, validation = (type(one)(_cleaned(needs, one.gyro_l), one.heading, one.recording) for one in drawn)
     trained = train_heading(checked, TrainingData(train, validation), None)
@@ -127,14 +132,13 @@ def judge_trained(
     duration: float,
     bias_deg_h: float,
     runs: int,
-    rows: list[int],
     seed: int,
     counts: dict[str, int],
 ) -> Result:
-    """Errors, deg, of every row on some recordings of a case."""
+    """Errors, deg, of every row on the recordings of a case."""
     from gyronorth.studies.disturbed_methods import part_of
 
-    part = part_of(kind=kind, duration=duration, bias_deg_h=bias_deg_h, runs=runs, rows=(rows[0], rows[1]), seed=seed)
+    part = part_of(kind=kind, duration=duration, bias_deg_h=bias_deg_h, runs=runs, rows=(0, runs), seed=seed)
     errors, first, cleaned = {}, 0, {}
     for name, count in counts.items():
         row, own = ROWS[name], needs[first : first + count]
@@ -143,7 +147,7 @@ def judge_trained(
             cleaned[row.denoiser] = _cleaned(own[: int(row.denoiser is not None)], part.gyro)
         gyro = cleaned[row.denoiser]
         heading = model_based(gyro) if row.output is None else _network(own[-1]).headings_of_clean(gyro)
-        errors[name] = np.round(np.degrees(angle_error(part.made.heading[part.rows], heading)), 4).tolist()
+        errors[name] = rounded(angle_error(part.made.heading, heading))
     return {"error_deg": errors, "inside": {}}
 
 

@@ -76,14 +76,14 @@ def judge_split(
         extra = north(twin.arw) ** 2 * (1 / duration - 1 / twin.duration)
         return {
             "recording": recording[tested].tolist(),
-            "error_deg": {k: _rounded(angle_error(error, e)) for k, (e, _) in expected.items()},
-            "sigma_deg": {k: _rounded(np.sqrt(s**2 + extra)) for k, (_, s) in expected.items()},
+            "error_deg": {k: rounded(angle_error(error, e)) for k, (e, _) in expected.items()},
+            "sigma_deg": {k: rounded(np.sqrt(s**2 + extra)) for k, (_, s) in expected.items()},
         }
 
     return {"whole": judge(twin.duration), "windows": judge(WINDOW)}
 
 
-def _rounded(angle: Array) -> list[float]:
+def rounded(angle: Array) -> list[float]:
     """Degrees to 1e-6: the last bits of a sum depend on the processor, and files are compared."""
     return np.round(np.degrees(angle), 6).tolist()
 

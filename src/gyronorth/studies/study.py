@@ -59,7 +59,7 @@ class Study:
 
     name: str  # of its files
     title: str
-    benchmark: str  # the command that it belongs to: paper or published
+    benchmark: str  # the command that it belongs to: paper, published, turned or disturbed
     units: Callable[[Plan], list[Unit]]
     report: Callable[[Plan, Mapping[str, Result]], Report]  # of the results by unit name
 
