@@ -292,3 +292,13 @@ def test_figures_of_the_issue(sensor, turns, latitude, roll, most):
     error, sigma = errors_and_sigmas(sensor, turns, 2000, latitude=latitude, roll=roll)
     assert np.sqrt(np.mean(error**2)) / DEG < most
     assert 0.93 < np.mean(np.abs(error) < 1.96 * sigma) < 0.97
+
+
+def test_one_pose_of_an_unknown_sensor_is_refused_and_a_second_one_cures_it():
+    """Also of a record without noise, whose inferred noise is rounding."""
+    (gyro,), (accel,), (truth,) = runs_of(IDEAL, (PI,), 1)
+    with pytest.raises(InputError, match="one pose, which cannot tell"):
+        turned(gyro[:400], accel[:400], rate_hz=10.0, latitude=LATITUDE)
+    found = turned(gyro, accel, rate_hz=10.0, latitude=LATITUDE)
+    assert abs(angle_error(found.heading, truth)) < 1e-6
+    assert found.sigma < 1e-3

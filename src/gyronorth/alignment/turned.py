@@ -47,6 +47,8 @@ UNKNOWN_SCALE, UNKNOWN_MISALIGNMENT, UNKNOWN_ACCEL_BIAS = 3e-3, 1e-3, 5e-3 * STA
 UNKNOWN_FLICKER = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 #: A fit this improbable under the noise law widens its covariance by chi2 / dof.
 IMPROBABLE = 1e-3
+#: Least noise density that is inferred, SI units: rounding of a record without noise is none.
+QUIETEST = 1e-9
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,11 @@ def turned(
         raise InputError(
             f"No still pose of 3 s and no steady rotation was found in {len(gyro_b) / rate_hz:g} s; "
             "turned alignment needs at least one. Let the unit stand still between turns."
+        )
+    if errors is None and segments.poses == 1 and not any(turn.spin for turn in segments.turns):
+        raise InputError(
+            "The recording holds one pose, which cannot tell Earth rate from a gyro bias of unknown size. Turn the unit "
+            "and record a second pose, give a sensor profile, or use --method mean."
         )
     per_stretch = blocks_per_stretch(len(segments.stretches), None if errors is None else errors.gyro)
     blocks = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=per_stretch)
@@ -374,9 +381,9 @@ def _scatter(blocks: Blocks, values: Array) -> tuple[float, float]:
     inside = blocks.still[1:] & (blocks.stretch[1:] == blocks.stretch[:-1])
     inverse = (1 / blocks.seconds[1:] + 1 / blocks.seconds[:-1])[inside]
     if not inside.any():
-        return 1e-12, 1.0
+        return QUIETEST, 1.0
     difference = np.diff(values, axis=0)[inside] / np.sqrt(inverse)[:, None]
-    return max(float(np.sqrt(np.mean(difference**2))), 1e-12), float(2 / inverse.mean())
+    return max(float(np.sqrt(np.mean(difference**2))), QUIETEST), float(2 / inverse.mean())
 
 
 def _white(coarse: tuple[float, float], fine: tuple[float, float]) -> float:
