@@ -444,8 +444,7 @@ def test_inferred_turn_on_bias_claims_95_percent_for_another_axis(latitude):
         rate_n = earth_rate_n(true_latitude) + bias_n
         c, s = np.cos(direction), np.sin(direction)
         rate_b = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ rate_n
-        recording = Recording(rate_b[None], np.array([[0.0, 0.0, -9.8]]), 1.0)
-        sensor, _ = _with_turn_on_bias(Sensor("", TriadErrors()), recording, latitude)
+        sensor, _ = _with_turn_on_bias(Sensor("", TriadErrors()), rate_b, np.array([0.0, 0.0, -9.8]), latitude)
         inside.append(abs(bias_n[1]) <= 1.959964 * sensor.gyro.turn_on_bias)
     assert 0.95 - 0.016 < np.mean(inside) < 0.95 + 0.016
 

@@ -233,7 +233,7 @@ class _Reading:
         )
 
     def _notes(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
-        notes = gap_notes(gaps, samples=samples) + self.length_notes
+        notes = self.source.notes + gap_notes(gaps, samples=samples) + self.length_notes
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
