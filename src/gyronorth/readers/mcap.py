@@ -32,7 +32,7 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
         header = reader.get_header()
         summary = reader.get_summary()
         texts = next((dict(record.metadata) for record in _metadata(reader, summary)), None)
-        if summary is None or not summary.channels or summary.statistics is None:
+        if not _is_indexed(summary) or summary.statistics is None:
             channels, counts, times = _scanned(path)
         else:
             channels = {
@@ -80,11 +80,12 @@ def _check_whole(path: Path) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """A reader of the file, its errors told."""
+def _opened(path: Path, *, seeking: bool = True) -> Iterator[Any]:
+    """A reader of the file, its errors told; one that does not seek reads the messages in the file's order."""
     reading = library("mcap.reader", path.name, "MCAP")
+    kind = reading.SeekingReader if seeking else reading.NonSeekingReader
     with damage_told(path.name, "MCAP file", _CURE), path.open("rb") as file:
-        yield reading.SeekingReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
+        yield kind(file, validate_crcs=True, record_size_limit=path.stat().st_size)
 
 
 def _metadata(reader: Any, summary: Any) -> Iterator[Any]:
@@ -93,12 +94,17 @@ def _metadata(reader: Any, summary: Any) -> Iterator[Any]:
         yield from (record for record in reader.iter_metadata() if record.name == SIGNATURE[1])
 
 
+def _is_indexed(summary: Any) -> bool:
+    """Whether the summary, which is optional in every part, says where which channel's messages are."""
+    return summary is not None and len(summary.channels) > 0 and len(summary.chunk_indexes) > 0
+
+
 def _scanned(path: Path) -> tuple[dict[int, tuple[Any, Any]], dict[int, int], tuple[int, int]]:
-    """Channels with their schemas, message counts and the range of log times of a file without a summary."""
+    """Channels with their schemas, message counts and the range of log times of a file whose summary lacks them."""
     channels: dict[int, tuple[Any, Any]] = {}
     counts: dict[int, int] = {}
     start, stop = 2**63, 0
-    with _opened(path) as reader:
+    with _opened(path, seeking=False) as reader:
         for schema, channel, message in reader.iter_messages(log_time_order=False):
             channels[channel.id] = channel, schema
             counts[channel.id] = counts.get(channel.id, 0) + 1
@@ -137,8 +143,8 @@ def _is_cdr(encodings: set[str], topic: str, profile: str, name: str) -> bool:
 def _messages(path: Path, topic: str, start: int | None, stop: int | None) -> Iterator[tuple[int, bytes]]:
     """Log times and messages of a topic, in order of log time where the file has an index of chunks."""
     with _opened(path) as reader:
-        summary = reader.get_summary()
-        indexed = summary is not None and len(summary.chunk_indexes) > 0
+        indexed = _is_indexed(reader.get_summary())
+    with _opened(path, seeking=indexed) as reader:
         found = reader.iter_messages(topic, log_time_order=indexed, starting_at=start, ending_before=stop)
         for _, _, message in found:
             yield message.log_time, message.data

@@ -30,6 +30,7 @@ class RecordingInfo:
 
     source: str  # file name
     format: str  # name of the format
+    topic: str | None  # of a bag or an MCAP file
     columns: tuple[str, ...]  # of t, w_x ... f_z, those the file has
     rate_hz: float  # Hz
     gyro_unit: str  # in the file
@@ -124,6 +125,7 @@ def read_chunks(
     info = RecordingInfo(
         source=source.name,
         format=source.format,
+        topic=source.topic,
         columns=source.columns,
         rate_hz=reading.rate_hz,
         gyro_unit=resolved.gyro_unit,

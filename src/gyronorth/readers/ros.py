@@ -103,6 +103,7 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
         usual=_USUAL,
         clock=Clock(unit=1.0, name=_LOG_TIME if unstamped else _STAMP),
         ours=facts is not None,
+        topic=topic.name,
         notes=notes,
         parts=Parts(topic.count, exact=True, block=BLOCK_MESSAGES, read=partial(_part, topic, kind)),
     )

@@ -40,6 +40,8 @@ def open_rosbag1(path: Path, options: ReadOptions) -> Source:
 
 def open_rosbag2(path: Path, options: ReadOptions) -> Source:
     """Open a bag of ROS 2."""
+    for database in sorted(path.glob("*.db3")) if path.is_dir() else [path]:
+        _check_whole(database)
     return _open(path, options, "rosbag2")
 
 
@@ -63,6 +65,21 @@ def write_rosbag1(outgoing: Outgoing, path: Path) -> None:
                 writer.write(imu, stamp, message)
         content = json.dumps(ros_texts(outgoing)).encode()
         writer.write(text, stamp, len(content).to_bytes(4, "little") + content)
+
+
+def _check_whole(path: Path) -> None:
+    """SQLite reads the lost end of a page as zeros: the size that its header states is compared instead.
+
+    The header is that of https://www.sqlite.org/fileformat.html, section 1.3.
+    """
+    with path.open("rb") as file:
+        head = file.read(100)
+    if not (head.startswith(b"SQLite format 3\x00") and len(head) == 100):
+        return  # the library says so
+    page, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
+    is_stated = head[24:28] == head[92:96]
+    if is_stated and path.stat().st_size < pages * (page if page > 1 else 1 << 16):
+        raise InputError(f"{path.name} is cut off: it is shorter than its header states. {_CURES['rosbag2']}")
 
 
 def _open(path: Path, options: ReadOptions, format: str) -> Source:

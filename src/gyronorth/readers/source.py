@@ -94,5 +94,6 @@ class Source:
     clock: Clock | None = None  # meaning of column t; None when there is none
     ours: bool = False  # written by gyronorth, in SI
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
+    topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
     parts: Parts | None = None  # None: it can only be read as a whole

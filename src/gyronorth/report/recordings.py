@@ -23,6 +23,7 @@ def print_description(description: Description, stream: TextIO) -> None:
     lines = [
         ("file", doc["source"]),
         ("format", doc["format"]),
+        *([("topic", doc["topic"])] if doc["topic"] else []),
         ("columns", ", ".join(doc["columns"])),
         ("length", f"{doc['samples']} samples, {doc['duration_s']:.10g} s at {doc['rate_hz']:.10g} Hz"),
         ("units in the file", f"{units}{', increments' if doc['increments'] else ''}"),
