@@ -18,7 +18,7 @@ from pathlib import Path
 from gyronorth.readers.facts import is_number, read_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
-from gyronorth.readers.text import Layout, TextHead, text_blocks
+from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
 from gyronorth.recording import InputError
 
 _COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
@@ -67,6 +67,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         usual=_PUBLISHED if published else Facts(),
         clock=Clock(unit=1.0, name=titles[found[TIME]]) if TIME in found else None,
         ours=ours,
+        parts=text_parts(path, offset, row, layout),
     )
 
 

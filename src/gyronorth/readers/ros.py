@@ -21,8 +21,8 @@ from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block, Clock, Facts, Parts, Source
 from gyronorth.recording import InputError, Note, ns_from_utc, utc_from_ns
 
-#: Messages decoded at a time.
-BLOCK_MESSAGES = 1 << 14
+#: Messages decoded at a time, and looked at in one place.
+BLOCK_MESSAGES, PLACE_MESSAGES = 1 << 14, 1 << 11
 #: Stamps before this, s since 1970 (September 2001), count from a start of their own (simulation, boot).
 EARLIEST_DATE = 1_000_000_000
 #: Seconds of ROS are 32-bit numbers: a recording that begins later is written as time from its start.
@@ -105,7 +105,7 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
         ours=facts is not None,
         topic=topic.name,
         notes=notes,
-        parts=Parts(topic.count, exact=True, block=BLOCK_MESSAGES, read=partial(_part, topic, kind)),
+        parts=Parts(topic.count, exact=True, block=PLACE_MESSAGES, read=partial(_part, topic, kind)),
     )
 
 
@@ -142,7 +142,7 @@ def _blocks(topic: ImuTopic, kind: _Kind) -> Iterator[Block]:
 def _part(topic: ImuTopic, kind: _Kind, share: float) -> Block:
     """A block of messages from where `share` of the time has passed; 1: the last ones."""
     length = topic.stop - topic.start
-    long = round(length * min(1.0, BLOCK_MESSAGES / max(topic.count, 1)))
+    long = round(length * min(1.0, PLACE_MESSAGES / max(topic.count, 1)))
     begin = topic.start + round(share * (length - long))
     held = list(topic.messages(begin, begin + long + 1))
     return _block(held, round(share * (topic.count - len(held))), kind)
