@@ -51,9 +51,12 @@ def ros1(sample: Sample, **how: Any) -> bytes:
     return bytes(ROS1.serialize_ros1(message(ROS1, sample, **how), IMU))
 
 
-def write_bag1(path: Path, topics: dict[str, list[tuple[int, bytes]]], *, compression: Any = None) -> Path:
-    """A .bag of ROS 1 from topics with (log time, message), and another topic beside."""
+def write_bag1(
+    path: Path, topics: dict[str, list[tuple[int, bytes]]], *, compression: Any = None, chunk: int = 1 << 20
+) -> Path:
+    """A .bag of ROS 1 from topics with (log time, message), and another topic beside; chunks of so many bytes."""
     writer = Writer1(path)
+    writer.chunk_threshold = chunk
     if compression is not None:
         writer.set_compression(compression)
     with writer:

@@ -6,6 +6,7 @@ A .bag of ours has a second topic with one std_msgs/String: the keys of the CSV'
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -59,10 +60,14 @@ def write_rosbag1(outgoing: Outgoing, path: Path) -> None:
     with writing.Writer(path) as writer:
         imu = writer.add_connection(TOPIC, IMU_TYPES[1], typestore=store)
         text = writer.add_connection(_FACTS_TOPIC, "std_msgs/msg/String", typestore=store)
-        stamp = start
+        stamp, counted = start, 0
         for stamps, messages in ros_messages(outgoing, start, cdr=False):
             for stamp, message in zip(stamps, messages, strict=True):
                 writer.write(imu, stamp, message)
+            # Of a chunk that is written the library keeps every time but needs their number alone.
+            for chunk in writer.chunks[counted:-1]:
+                chunk.connections = {number: range(len(times)) for number, times in chunk.connections.items()}
+            counted = len(writer.chunks) - 1
         content = json.dumps(ros_texts(outgoing)).encode()
         writer.write(text, stamp, len(content).to_bytes(4, "little") + content)
 
@@ -89,7 +94,7 @@ def _open(path: Path, options: ReadOptions, format: str) -> Source:
         other = []
         for connection in reader.connections:
             if connection.msgtype in IMU_TYPES:
-                topics[connection.topic] = topics.get(connection.topic, 0) + connection.msgcount
+                topics[connection.topic] = topics.get(connection.topic, 0) + _count(reader, connection, format)
             else:
                 other.append(f"{connection.topic} ({connection.msgtype})")
         topic = choose_topic(topics, options.topic, path.name, other)
@@ -103,7 +108,7 @@ def _open(path: Path, options: ReadOptions, format: str) -> Source:
 def _facts(reader: Any, name: str) -> Facts | None:
     """What a bag of ours states about itself."""
     connections = [connection for connection in reader.connections if connection.topic == _FACTS_TOPIC]
-    for _, _, message in reader.messages(connections) if connections else ():
+    for _, _, message in _chunk_by_chunk(reader, connections, None, None):
         texts = json.loads(bytes(message[4:]))
         if not (isinstance(texts, dict) and all(isinstance(text, str) for text in texts.values())):
             raise ValueError(f"{_FACTS_TOPIC} holds no texts")
@@ -115,13 +120,58 @@ def _facts(reader: Any, name: str) -> Facts | None:
 def _opened(path: Path, format: str) -> Iterator[Any]:
     """A reader of the bag, its errors told."""
     library_of_format = library(f"rosbags.{format}", path.name, "a bag of ROS")
-    with damage_told(path.name, "bag of ROS", _CURES[format]), library_of_format.Reader(path) as reader:
-        yield reader
+    with damage_told(path.name, "bag of ROS", _CURES[format]):
+        reader = library_of_format.Reader(path)
+        if format == "rosbag1":
+            # It would read the time of every message at once; `_chunk_by_chunk` reads them when they are needed.
+            reader.read_index_data = lambda *_: None
+        with reader:
+            yield reader
 
 
 def _messages(path: Path, format: str, topic: str, start: int | None, stop: int | None) -> Iterator[tuple[int, bytes]]:
     """Log times and messages of a topic, in order of log time."""
     with _opened(path, format) as reader:
         chosen = [connection for connection in reader.connections if connection.topic == topic]
-        for _, time, message in reader.messages(chosen, start, stop):
+        chunked = format == "rosbag1"
+        found = _chunk_by_chunk(reader, chosen, start, stop) if chunked else reader.messages(chosen, start, stop)
+        for _, time, message in found:
             yield time, message
+
+
+def _count(reader: Any, connection: Any, format: str) -> int:
+    if format == "rosbag2":
+        return connection.msgcount
+    return sum(chunk.connection_counts.get(connection.id, 0) for chunk in reader.chunk_infos)
+
+
+def _chunk_by_chunk(reader: Any, connections: list[Any], start: int | None, stop: int | None) -> Iterator[Any]:
+    """What the reader of a bag of ROS 1 gives, with the index of one chunk at a time, or of some that overlap."""
+    wanted = {connection.id for connection in connections}
+    held = [chunk for chunk in reader.chunk_infos if wanted & chunk.connection_counts.keys()]
+    for together in _overlapping(held):
+        late = stop is not None and together[0].start_time >= stop
+        if late or (start is not None and max(chunk.end_time for chunk in together) <= start):
+            continue
+        indexes: dict[int, list[Any]] = defaultdict(list)
+        for chunk in together:
+            reader.bio.seek(chunk.pos)
+            reader.read_chunk()
+            for _ in chunk.connection_counts:
+                type(reader).read_index_data(reader, chunk.pos, indexes)
+        reader.indexes = {number: sorted(indexes[number]) for number in wanted}
+        yield from reader.messages(connections, start, stop)
+
+
+def _overlapping(chunks: list[Any]) -> Iterator[list[Any]]:
+    """Chunks in order of time, those together whose times overlap."""
+    together: list[Any] = []
+    end = 0
+    for chunk in sorted(chunks, key=lambda chunk: (chunk.start_time, chunk.pos)):
+        if together and chunk.start_time >= end:
+            yield together
+            together = []
+        together.append(chunk)
+        end = max(end, chunk.end_time)
+    if together:
+        yield together
