@@ -517,3 +517,9 @@ def test_earth_rate_units():
 
 def test_shortest_record_is_stated():
     assert identification.FEWEST_SAMPLES * identification.LONGEST_PART >= 2 ** (identification.FEWEST_OCTAVES - 1)
+
+
+def test_a_record_that_repeats_itself_is_refused():
+    x = np.tile(np.random.default_rng(8).normal(0, 1e-4, 1 << 12), 20)
+    with pytest.raises(InputError, match=r"repeats itself every 40.96 s or a whole part of that"):
+        identify(x, rate_hz=100.0)
