@@ -49,9 +49,11 @@ def comparisons() -> Iterator[Comparison]:
 
 def peak_megabytes(arguments: list[str], *, folder: Path) -> float:
     """Largest memory of one run of the command line, a process of its own."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gyronorth.cli", *arguments], cwd=folder, stdout=subprocess.DEVNULL
-    )
+    command = [sys.executable, "-m", "gyronorth.cli", *arguments]
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))
+    }  # the code that runs here
+    process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode not in (0, 3):  # 3: a heading that is not valid

@@ -92,6 +92,29 @@ def test_hdf5_columns_that_are_not_there_are_listed(tmp_path):
         read(tmp_path / "two.h5", **SI)
 
 
+def test_hdf5_without_numbers_and_with_odd_attributes(tmp_path):
+    with h5py.File(tmp_path / "none.h5", "w") as file:
+        file["a"], file["b"] = h5py.SoftLink("/b"), h5py.SoftLink("/a")
+        file["text"] = "no numbers"
+    with pytest.raises(InputError, match=r"none.h5 holds no dataset of numbers"):
+        read(tmp_path / "none.h5")
+    hdf5_columns(tmp_path / "rec.h5")
+    with h5py.File(tmp_path / "rec.h5", "a") as file:
+        file.attrs["rate_hz"] = np.array([RATE])
+        file.attrs["gyro_unit"], file.attrs["accel_unit"] = np.bytes_("rad/s"), "m/s2"
+    check(read(tmp_path / "rec.h5"))
+    with h5py.File(tmp_path / "rec.h5", "a") as file:
+        file.attrs["rate_hz"] = np.array([1, 2])
+    with pytest.raises(InputError, match=r"Attribute rate_hz of rec.h5: rate_hz is '\[1 2\]'; a number"):
+        read(tmp_path / "rec.h5")
+
+
+def test_parquet_without_columns(tmp_path):
+    pq.write_table(pa.table({}), tmp_path / "rec.parquet")
+    with pytest.raises(InputError, match=r"rec.parquet has no column w_x, w_y, w_z: it has 0 columns"):
+        read(tmp_path / "rec.parquet")
+
+
 def test_a_mat_file_of_version_7_3_is_hdf5(tmp_path):
     # As MATLAB writes it: 512 bytes of text, the matrices transposed, their class beside them.
     with h5py.File(tmp_path / "rec.mat", "w", userblock_size=512) as file:

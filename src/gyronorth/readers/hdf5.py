@@ -66,6 +66,8 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     with _opened(path) as file:
         there = _columns(file)
         texts = {key: _text(file.attrs[key]) for key in KEYS if key in file.attrs}
+    if not there:
+        raise InputError(f"{path.name} holds no dataset of numbers with one or two dimensions; no recording is in it.")
     facts, ours = read_facts(texts, lambda key: f"Attribute {key} of {path.name}")
     titles = _under(there, options.variable, path.name)
     found = choose_columns(list(titles), options.columns, _TITLES, path.name)
@@ -223,9 +225,6 @@ def _block(values: NDArray[np.float64], row: int) -> Block:
 
 
 def _text(value: Any) -> str:
-    """An attribute as text: texts and numbers, alone or in an array of one."""
-    single = np.asarray(value)
-    value = single.reshape(-1)[0] if single.size == 1 else value
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    return value if isinstance(value, str) else repr(value.item()) if hasattr(value, "item") else str(value)
+    """An attribute as text: texts and numbers, alone or in an array of one; whatever else as it is shown."""
+    value = np.asarray(value).item() if np.size(value) == 1 else value
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)

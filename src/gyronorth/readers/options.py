@@ -113,7 +113,7 @@ def choose_columns(
         Our name -> position from 0. Three rates always; three forces or none; t or not.
     """
     titles = header if isinstance(header, list) else []
-    width = len(titles) if titles else int(header)  # type: ignore[arg-type]
+    width = len(header) if isinstance(header, list) else header
     declared = dict(columns or {})
     found: dict[str, int] = {}
     for ours in NAMES:
