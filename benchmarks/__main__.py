@@ -35,7 +35,10 @@ def main() -> int:
             results.append(run(comparison, rounds=arguments.rounds))
             _show(results[-1])
     if arguments.json:
-        figures = [{"title": r.comparison.title, "ours": r.comparison.ours, "cpu_s": r.seconds} for r in results]
+        figures = [
+            {"title": r.comparison.title, "ours": r.comparison.ours, "cpu_s": r.seconds, "peak_mb": r.peak}
+            for r in results
+        ]
         arguments.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     return 1 if any(result.missed() for result in results) else 0
 
@@ -53,6 +56,8 @@ def _show(result: Result) -> None:
                 line += f", promised {comparison.targets[name]:g}x"
         elif comparison.limit is not None:
             line += f"  promised {comparison.limit:g}"
+        if name == comparison.ours and result.peak is not None:
+            line += f"  peak {result.peak:.0f} MB, promised {comparison.megabytes:g}"
         print(line, flush=True)
     for problem in result.missed():
         print(f"  MISSED  {problem}")

@@ -22,6 +22,7 @@ class Comparison:
     targets: dict[str, float] = field(default_factory=dict)  # name of a peer: how many times as fast we promise to be
     limit: float | None = None  # promised CPU seconds of ours, where there is no peer to divide by
     rounds: int | None = None  # overrides the runner's number of rounds
+    megabytes: float | None = None  # promised peak memory of ours, whose work then returns it; no untimed round before
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Result:
 
     comparison: Comparison
     seconds: dict[str, list[float]]
+    peak: float | None = None  # largest of ours, MB, where one is promised
 
     def median(self, name: str) -> float:
         """Median CPU seconds of a candidate."""
@@ -47,6 +49,9 @@ class Result:
             if statistics.median(self.ratios(name)) < target
         ]
         own, limit = self.median(self.comparison.ours), self.comparison.limit
+        most = self.comparison.megabytes
+        if most is not None and self.peak is not None and self.peak > most:
+            peers.append(f"{self.peak:.0f} MB, promised {most:g}")
         return peers + ([f"{own:.2f} CPU-s, promised {limit:g}"] if limit is not None and own > limit else [])
 
 
@@ -54,15 +59,18 @@ def run(comparison: Comparison, *, rounds: int) -> Result:
     """Time the candidates in turn, round after round, after one untimed round."""
     seconds: dict[str, list[float]] = {name: [] for name in comparison.candidates}
     names = list(comparison.candidates)
-    for name in names:
+    for name in names if comparison.megabytes is None else ():
         comparison.candidates[name]()
+    peak = None
     for number in range(comparison.rounds or rounds):
         shift = number % len(names)
         for name in names[shift:] + names[:shift]:  # nobody always comes first
             start = _cpu_seconds()
-            comparison.candidates[name]()
+            done = comparison.candidates[name]()
+            if comparison.megabytes is not None and name == comparison.ours:
+                peak = max(peak or 0.0, float(done))  # type: ignore[arg-type]
             seconds[name].append(_cpu_seconds() - start)
-    return Result(comparison, seconds)
+    return Result(comparison, seconds, peak)
 
 
 def _cpu_seconds() -> float:

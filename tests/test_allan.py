@@ -444,8 +444,7 @@ def test_inferred_turn_on_bias_claims_95_percent_for_another_axis(latitude):
         rate_n = earth_rate_n(true_latitude) + bias_n
         c, s = np.cos(direction), np.sin(direction)
         rate_b = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ rate_n
-        recording = Recording(rate_b[None], np.array([[0.0, 0.0, -9.8]]), 1.0)
-        sensor, _ = _with_turn_on_bias(Sensor("", TriadErrors()), recording, latitude)
+        sensor, _ = _with_turn_on_bias(Sensor("", TriadErrors()), rate_b, np.array([0.0, 0.0, -9.8]), latitude)
         inside.append(abs(bias_n[1]) <= 1.959964 * sensor.gyro.turn_on_bias)
     assert 0.95 - 0.016 < np.mean(inside) < 0.95 + 0.016
 
@@ -518,3 +517,9 @@ def test_earth_rate_units():
 
 def test_shortest_record_is_stated():
     assert identification.FEWEST_SAMPLES * identification.LONGEST_PART >= 2 ** (identification.FEWEST_OCTAVES - 1)
+
+
+def test_a_record_that_repeats_itself_is_refused():
+    x = np.tile(np.random.default_rng(8).normal(0, 1e-4, 1 << 12), 20)
+    with pytest.raises(InputError, match=r"repeats itself every 40.96 s or a whole part of that"):
+        identify(x, rate_hz=100.0)

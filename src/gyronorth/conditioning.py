@@ -6,6 +6,7 @@ about its mean attitude, sway, and the segments in which it stood still.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import sqrt
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError, Recording
+from gyronorth.recording import Gap, InputError, Recording
 
 Array = NDArray[np.float64]
 
@@ -44,21 +45,36 @@ def decimate(x: ArrayLike, *, rate_hz: float, to_hz: float) -> Array:
     """
     x = np.asarray(x, dtype=float)
     n = x.shape[-2]
+    _check_decimation(rate_hz, to_hz)
+    count = _whole_samples(n, rate_hz, to_hz)
+    if count == 0:
+        raise InputError(f"{n / rate_hz:g} s of data hold no whole sample at {to_hz:g} Hz.")
+    edge = np.minimum(np.arange(count + 1) * (rate_hz / to_hz), n)
+    return _means_between(x, edge, to_hz / rate_hz)
+
+
+def _check_decimation(rate_hz: float, to_hz: float) -> None:
     if not 0 < to_hz <= rate_hz:
         raise InputError(
             f"Cannot decimate from {rate_hz:g} Hz to {to_hz:g} Hz; a rate in (0, {rate_hz:g}] is expected."
         )
-    count = int(np.floor(n / rate_hz * to_hz * (1 + 1e-12)))
-    if count == 0:
-        raise InputError(f"{n / rate_hz:g} s of data hold no whole sample at {to_hz:g} Hz.")
+
+
+def _whole_samples(n: int, rate_hz: float, to_hz: float) -> int:
+    """Samples at `to_hz` that n samples at `rate_hz` hold."""
+    return int(np.floor(n / rate_hz * to_hz * (1 + 1e-12)))
+
+
+def _means_between(x: Array, edge: Array, ratio: float) -> Array:
+    """Means of `x` (..., n, k) between edges (m,) that are `1 / ratio` samples apart, shape (..., m - 1, k)."""
+    n = x.shape[-2]
     centre = x.mean(axis=-2, keepdims=True)
     total = np.zeros((*x.shape[:-2], n + 1, x.shape[-1]))
     np.cumsum(x - centre, axis=-2, out=total[..., 1:, :])
-    edge = np.minimum(np.arange(count + 1) * (rate_hz / to_hz), n)
     left = np.minimum(edge.astype(int), n - 1)
     share = (edge - left)[:, None]
     at_edge = total[..., left, :] * (1 - share) + total[..., left + 1, :] * share
-    return np.diff(at_edge, axis=-2) * (to_hz / rate_hz) + centre
+    return np.diff(at_edge, axis=-2) * ratio + centre
 
 
 def decimated(recording: Recording, to_hz: float) -> Recording:
@@ -69,7 +85,52 @@ def decimated(recording: Recording, to_hz: float) -> Recording:
         gyro_b=decimate(recording.gyro_b, rate_hz=recording.rate_hz, to_hz=to_hz),
         accel_b=None if accel is None else decimate(accel, rate_hz=recording.rate_hz, to_hz=to_hz),
         rate_hz=to_hz,
+        gaps=_gaps_at(recording, to_hz),
     )
+
+
+def decimated_chunks(chunks: Iterable[Recording], to_hz: float) -> Iterator[Recording]:
+    """The chunks of one recording at a lower rate: what `decimated` gives of the whole, but for rounding.
+
+    A sample that straddles two chunks goes with the second one, and so do a chunk's gaps and
+    dropped rows where it is too short for a sample of its own.
+    """
+    begin = done = dropped = 0  # samples before `held`; samples returned; rows dropped that no chunk returned tells of
+    held: Array | None = None
+    gaps: list[Gap] = []
+    end, rate_hz = 0, 1.0
+    for chunk in chunks:
+        rate_hz = chunk.rate_hz
+        _check_decimation(rate_hz, to_hz)
+        samples = chunk.gyro_b if chunk.accel_b is None else np.hstack([chunk.gyro_b, chunk.accel_b])
+        held = samples if held is None else np.concatenate([held, samples])
+        # Starts are counted from the first sample that is still to be returned.
+        gaps += [Gap(end / rate_hz + gap.start - done / to_hz, gap.samples) for gap in _gaps_at(chunk, to_hz)]
+        dropped += chunk.rows_dropped
+        end += len(samples)
+        count = _whole_samples(end, rate_hz, to_hz)
+        if count == done:
+            continue
+        edge = np.minimum(np.arange(done, count + 1) * (rate_hz / to_hz), end)
+        slow = _means_between(held, edge - begin, to_hz / rate_hz)
+        yield replace(
+            chunk,
+            gyro_b=slow[:, :3],
+            accel_b=None if chunk.accel_b is None else slow[:, 3:],
+            rate_hz=to_hz,
+            gaps=tuple(gaps),
+            rows_dropped=dropped,
+        )
+        kept = min(int(edge[-1]), end - 1)
+        held, begin, done, dropped, gaps = held[kept - begin :], kept, count, 0, []
+    if done == 0:
+        raise InputError(f"{end / rate_hz:g} s of data hold no whole sample at {to_hz:g} Hz.")
+
+
+def _gaps_at(recording: Recording, to_hz: float) -> tuple[Gap, ...]:
+    """The gaps of a recording, in samples of another rate."""
+    ratio = to_hz / recording.rate_hz
+    return tuple(Gap(gap.start, max(1, round(gap.samples * ratio))) for gap in recording.gaps)
 
 
 def block_means(x: Array, size: int) -> Array:

@@ -33,7 +33,7 @@ class Gap:
 class Note:
     """A remark of the reader, shown to the user as a warning with its code."""
 
-    code: str  # axes_suspect, rows_dropped, gaps_bridged, time_jitter, cut_off
+    code: str  # axes_suspect, rows_dropped, gaps_bridged, time_jitter, cut_off, log_time_used
     message: str
     value: float | None = None  # the measured figure, in the unit that the message names
     limit: float | None = None  # the limit beside it
@@ -166,6 +166,26 @@ def shift_utc(start_time_utc: str | None, seconds: float) -> str | None:
     except OverflowError:
         raise InputError(f"start_time_utc {start_time_utc!r} plus {seconds:g} s leaves the calendar.") from None
     return moment.isoformat().replace("+00:00", "Z")
+
+
+def utc_from_ns(time: int) -> str | None:
+    """ISO 8601 of a time in ns since 1970, to the microsecond; None where it leaves the calendar."""
+    try:
+        moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=time // 1000)
+    except OverflowError:
+        return None
+    return moment.isoformat().replace("+00:00", "Z")
+
+
+def ns_from_utc(text: str) -> int:
+    """Nanoseconds since 1970 of an ISO 8601 time.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    return (_parse_utc(text) - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
 def _parse_utc(text: str) -> datetime:

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from gyronorth.allan.characterisation import Characterisation, TriadReport, characterise, identified_sensor
+from gyronorth.allan.at_rest import axes_in_files
+from gyronorth.allan.characterisation import (
+    Characterisation,
+    TriadReport,
+    characterise,
+    identified_sensor,
+)
 from gyronorth.allan.deviation import AllanDeviation, allan_deviation
 from gyronorth.allan.identification import Identification, Identified, identify
 
@@ -13,6 +19,7 @@ __all__ = [
     "Identified",
     "TriadReport",
     "allan_deviation",
+    "axes_in_files",
     "characterise",
     "identified_sensor",
     "identify",

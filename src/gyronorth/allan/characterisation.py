@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Any
@@ -9,8 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.allan.deviation import AllanDeviation, allan_deviation
-from gyronorth.allan.identification import Identification, Identified, identify
+from gyronorth.allan.at_rest import AtRest, at_rest
+from gyronorth.allan.deviation import AllanDeviation, allan_variance, check_samples, default_multiples, with_bounds
+from gyronorth.allan.identification import (
+    Identification,
+    Identified,
+    check_varies,
+    fitted_multiples,
+    identify_variance,
+)
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY, normal_gravity
 from gyronorth.levelling import level, mat_lb
@@ -86,14 +94,20 @@ class Characterisation:
 
 
 def characterise(
-    recording: Recording, *, latitude: float | None = None, base: Sensor | None = None, name: str | None = None
+    recording: Recording | AtRest,
+    *,
+    latitude: float | None = None,
+    base: Sensor | None = None,
+    name: str | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Characterisation:
     """Allan deviation, identified error terms and sensor profile of a recording at rest.
 
     Parameters
     ----------
-    recording : Recording
-        One still pose without gaps: 60 s at least, an hour or more for a useful profile.
+    recording : Recording or AtRest
+        One still pose without gaps: 60 s at least, an hour or more for a useful profile. A long one
+        comes from `axes_in_files`: then one axis at a time is in memory.
     latitude : float, optional
         Geodetic latitude, rad; default: that of the recording. It sharpens the turn-on bias.
     base : Sensor, optional
@@ -101,6 +115,8 @@ def characterise(
         misalignment, g-sensitivity, range, longest time constant of the in-run bias.
     name : str, optional
         Name of the profile; default: that of the file.
+    progress : callable, optional
+        Called with the share of the axes that are done, in (0, 1].
 
     Returns
     -------
@@ -126,14 +142,26 @@ def characterise(
     of which | |mean specific force| - g | is seen. In-run bias of the same recording is in these
     figures too: they err to the large side.
     """
+    if isinstance(recording, Recording):
+        recording = at_rest(recording)
     if recording.gaps:
         raise InputError(_gap_message(recording))
     latitude = recording.latitude if latitude is None else latitude
-    gyro = _report(recording.gyro_b, recording.rate_hz, 1000.0 if base is None else base.gyro.flicker_longest)
+    axes = 3 if recording.accel is None else 6
+    measured = []
+    for axis in range(axes):
+        triad = recording.gyro if axis < 3 else recording.accel
+        assert triad is not None
+        measured.append(_measured(triad(axis % 3), recording.rate_hz))
+        if progress is not None:
+            progress((axis + 1) / axes)
+    rate_b, force_b = (np.array([axis.mean for axis in part]) for part in (measured[:3], measured[3:]))
+    check_varies(np.array([axis.spread for axis in measured[:3]]), rate_b)
+    gyro = _report(measured[:3], recording, 1000.0 if base is None else base.gyro.flicker_longest)
     notes = _remarks("gyro", gyro)
     accel = None
-    if recording.accel_b is not None and np.ptp(recording.accel_b, axis=0).all():
-        accel = _report(recording.accel_b, recording.rate_hz, 1000.0 if base is None else base.accel.flicker_longest)
+    if recording.accel is not None and all(axis.spread for axis in measured[3:]):
+        accel = _report(measured[3:], recording, 1000.0 if base is None else base.accel.flicker_longest)
         notes += _remarks("accelerometer", accel)
     name = name or PurePath(recording.source).stem or "identified"
     sensor = Sensor(name, TriadErrors(), TriadErrors()) if base is None else base
@@ -144,11 +172,11 @@ def characterise(
         accel=sensor.accel if accel is None else replace(sensor.accel, **_figures(accel)),
     )
     if base is None:
-        sensor, remarks = _with_turn_on_bias(sensor, recording, latitude)
+        sensor, remarks = _with_turn_on_bias(sensor, rate_b, force_b if len(force_b) else None, latitude)
     else:
         remarks = [f"Turn-on bias and all that Allan deviation cannot see are those of {base.name}."]
     if accel is None and base is None:
-        missing = "There is no accelerometer" if recording.accel_b is None else "The accelerometer does not vary"
+        missing = "There is no accelerometer" if recording.accel is None else "The accelerometer does not vary"
         remarks.append(f"{missing}: its noise is 0 in the profile.")
     notes += remarks
     file = recording.source or "a recording"
@@ -171,10 +199,32 @@ def identified_sensor(
     return characterise(recording, latitude=latitude, base=base, name=name).sensor
 
 
-def _report(x: Array, rate_hz: float, flicker_longest: float) -> TriadReport:
-    axes = tuple(identify(column, rate_hz=rate_hz, flicker_longest=flicker_longest) for column in x.T)
-    triad = identify(x, rate_hz=rate_hz, flicker_longest=flicker_longest)
-    return TriadReport(allan_deviation(x, rate_hz=rate_hz), (axes[0], axes[1], axes[2]), triad)
+@dataclass(frozen=True)
+class _Axis:
+    """What is needed of one axis."""
+
+    mean: float
+    spread: float  # largest less smallest value
+    variance: dict[float, float]  # Allan variance at each averaging time, in samples
+
+
+def _measured(x: Array, rate_hz: float) -> _Axis:
+    x = check_samples(x, rate_hz)
+    m = np.union1d(fitted_multiples(len(x), rate_hz), default_multiples(len(x)))
+    return _Axis(float(x.mean()), float(np.ptp(x)), dict(zip(m.tolist(), allan_variance(x, m).tolist(), strict=True)))
+
+
+def _report(measured: list[_Axis], recording: AtRest, flicker_longest: float) -> TriadReport:
+    n, rate_hz = recording.samples, recording.rate_hz
+
+    def variances(m: Array) -> Array:
+        return np.array([[axis.variance[multiple] for axis in measured] for multiple in m.tolist()])
+
+    fitted, shown = variances(fitted_multiples(n, rate_hz)), default_multiples(n)
+    how = {"n": n, "rate_hz": rate_hz, "flicker_longest": flicker_longest}
+    axes = tuple(identify_variance(column, axes=1, **how) for column in fitted.T)
+    triad = identify_variance(fitted.mean(axis=1), axes=3, **how)
+    return TriadReport(with_bounds(shown, variances(shown), n=n, rate_hz=rate_hz), (axes[0], axes[1], axes[2]), triad)
 
 
 def _figures(report: TriadReport) -> dict[str, float]:
@@ -211,10 +261,10 @@ def _remarks(what: str, report: TriadReport) -> list[str]:
     return remarks
 
 
-def _with_turn_on_bias(sensor: Sensor, recording: Recording, latitude: float | None) -> tuple[Sensor, list[str]]:
+def _with_turn_on_bias(
+    sensor: Sensor, rate_b: Array, force_b: Array | None, latitude: float | None
+) -> tuple[Sensor, list[str]]:
     """The sensor with turn-on biases inferred from the mean rate and specific force; see `characterise`."""
-    rate_b = recording.gyro_b.mean(axis=0)
-    force_b = None if recording.accel_b is None else recording.accel_b.mean(axis=0)
     if latitude is None:
         gyro_bias = STUDENT1 * abs(float(np.linalg.norm(rate_b)) - EARTH_RATE)
         seen = f"the size of the mean rate ({STUDENT1:.2f} times its error; with a latitude the figure would be better)"
@@ -242,7 +292,7 @@ def _with_turn_on_bias(sensor: Sensor, recording: Recording, latitude: float | N
     return replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=gyro_bias), accel=accel), remarks
 
 
-def _gap_message(recording: Recording) -> str:
+def _gap_message(recording: AtRest) -> str:
     """What is wrong with the gaps, and the longest window without one."""
     starts = [gap.start for gap in recording.gaps]
     ends = [gap.start + gap.samples / recording.rate_hz for gap in recording.gaps]

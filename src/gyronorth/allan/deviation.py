@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,18 +77,20 @@ def allan_deviation(x: ArrayLike, *, rate_hz: float, taus: ArrayLike | None = No
     """
     x = check_samples(x, rate_hz)
     n = len(x)
-    m = _default_multiples(n) if taus is None else _multiples(taus, n, rate_hz)
+    m = default_multiples(n) if taus is None else _multiples(taus, n, rate_hz)
     columns = x.reshape(n, -1)
     variance = np.stack([allan_variance(column, m) for column in columns.T], axis=-1)
-    low, high = (np.sqrt(bound) for bound in _bounds(m, variance, n))
-    shape = (len(m), *x.shape[1:])
+    found = with_bounds(m, variance, n=n, rate_hz=rate_hz)
+    if x.ndim == 2:
+        return found
+    return replace(found, deviation=found.deviation[:, 0], low=found.low[:, 0], high=found.high[:, 0])
+
+
+def with_bounds(multiples: Array, variance: Array, *, n: int, rate_hz: float) -> AllanDeviation:
+    """The deviation and its bounds from Allan variances (k, axes) of n samples at multiples (k,)."""
+    low, high = (np.sqrt(bound) for bound in _bounds(multiples, variance, n))
     return AllanDeviation(
-        tau=m / rate_hz,
-        deviation=np.sqrt(variance).reshape(shape),
-        low=low.reshape(shape),
-        high=high.reshape(shape),
-        n=n,
-        rate_hz=float(rate_hz),
+        tau=multiples / rate_hz, deviation=np.sqrt(variance), low=low, high=high, n=n, rate_hz=float(rate_hz)
     )
 
 
@@ -100,8 +102,7 @@ def allan_variance(x: ArrayLike, multiples: ArrayLike) -> Array:
     sums of squares or of lag products, which lose digits where the data drift.
     """
     x = np.asarray(x, dtype=float)
-    theta = np.zeros(len(x) + 1)
-    np.cumsum(x - x.mean(), out=theta[1:])
+    theta = _angle(x)
     lags = [int(m) for m in np.atleast_1d(multiples)]
     total = np.zeros(len(lags))
     first, second = np.empty(2 * CHUNK), np.empty(CHUNK)
@@ -120,6 +121,17 @@ def allan_variance(x: ArrayLike, multiples: ArrayLike) -> Array:
             total[i] += np.dot(z, z)
     m = np.asarray(lags, dtype=float)
     return total / (2 * m**2 * (len(theta) - 2 * m))
+
+
+def _angle(x: Array) -> Array:
+    """Running sum of `x` less its mean, 0 first, shape (n + 1,); in pieces, so that no copy of `x` is needed."""
+    theta = np.zeros(len(x) + 1)
+    mean = x.mean()
+    for start in range(0, len(x), CHUNK):
+        piece = x[start : start + CHUNK] - mean
+        piece[0] += theta[start]
+        np.cumsum(piece, out=theta[start + 1 : start + 1 + len(piece)])
+    return theta
 
 
 def degrees_of_freedom(multiples: ArrayLike, n: int, slope: ArrayLike) -> Array:
@@ -180,7 +192,8 @@ def _multiples(taus: ArrayLike, n: int, rate_hz: float) -> Array:
     return np.unique(m)
 
 
-def _default_multiples(n: int) -> Array:
+def default_multiples(n: int) -> Array:
+    """Averaging times of `allan_deviation` by default, in samples."""
     longest = max(1.0, n * LONGEST_PART)
     count = int(np.log10(longest) * TAUS_PER_DECADE) + 1
     return np.unique(np.geomspace(1, longest, count).round())

@@ -41,6 +41,9 @@ MODEL_ERROR = 0.01
 #: Relative error of the walk's Allan variance at one sample: K^2 tau / 3 is that of interval means;
 #: samples of the walk itself have 1 + 0.5 / m^2 of it.
 SAMPLED_WALK = 0.5
+#: The variance times the averaging time squared of the steadiest of sensors, one that rounds the angle, stays
+#: what it is at one sample; below this part of that, the record is periodic.
+REPEATS_BELOW = 1e-6
 #: Above this scatter of the variances about the fit, relative, its terms mean nothing.
 WORST_MISFIT = 0.3
 #: Step of the chi-square law with one degree of freedom at 95 %, and the level at which a fit is refused.
@@ -117,21 +120,41 @@ def identify(x: ArrayLike, *, rate_hz: float, flicker_longest: float = 1000.0) -
     """
     x = check_samples(x, rate_hz)
     n = len(x)
+    m = fitted_multiples(n, rate_hz)
+    columns = x.reshape(n, -1)
+    check_varies(np.ptp(columns, axis=0), columns[0])
+    variance = np.mean([allan_variance(column, m) for column in columns.T], axis=0)
+    axes = columns.shape[1]
+    return identify_variance(variance, n=n, rate_hz=rate_hz, axes=axes, flicker_longest=flicker_longest)
+
+
+def fitted_multiples(n: int, rate_hz: float) -> Array:
+    """Averaging times that are fitted to n samples, in samples; InputError if these are too few."""
     if n < FEWEST_SAMPLES or n / rate_hz < SHORTEST_DURATION:
         raise InputError(
             f"The record holds {n} samples at {rate_hz:g} Hz ({n / rate_hz:.4g} s); to identify error terms takes at "
             f"least {FEWEST_SAMPLES} samples and {SHORTEST_DURATION:g} s, and an hour for a useful bias instability. "
             "Give a longer record."
         )
-    m = octaves(n, LONGEST_PART)
-    columns = x.reshape(n, -1)
-    if not np.ptp(columns, axis=0).all():
+    return octaves(n, LONGEST_PART)
+
+
+def check_varies(spread: Array, value: Array) -> None:
+    """InputError if an axis, of the given range and with such a value, does not vary; both of shape (axes,)."""
+    if not spread.all():
         raise InputError(
-            f"The record does not vary: every sample is {columns[0, np.argmin(np.ptp(columns, axis=0))]:g}. A stuck "
-            "channel, or rounding far above the noise, is the likely cause; give the raw output."
+            f"The record does not vary: every sample is {value[np.argmin(spread)]:g}. A stuck channel, or rounding far "
+            "above the noise, is the likely cause; give the raw output."
         )
-    variance = np.mean([allan_variance(column, m) for column in columns.T], axis=0)
-    fit = _best_fit(m, variance, n, rate_hz, axes=columns.shape[1], flicker_longest=flicker_longest)
+
+
+def identify_variance(
+    variance: Array, *, n: int, rate_hz: float, axes: int, flicker_longest: float = 1000.0
+) -> Identification:
+    """Error terms from Allan variances at `fitted_multiples`, shape (k,), the mean over `axes` axes; see `identify`."""
+    m = fitted_multiples(n, rate_hz)
+    _check_repeats(m, variance, rate_hz)
+    fit = _best_fit(m, variance, n, rate_hz, axes=axes, flicker_longest=flicker_longest)
     quantisation, white, flicker, walk = (fit.term(k) for k in range(4))
     return Identification(
         angle_random_walk=white,
@@ -143,6 +166,17 @@ def identify(x: ArrayLike, *, rate_hz: float, flicker_longest: float = 1000.0) -
         misfit=0.0 if fit.model_error == MODEL_ERROR else fit.model_error,
         duration=n / rate_hz,
     )
+
+
+def _check_repeats(m: Array, variance: Array, rate_hz: float) -> None:
+    """InputError if the variance at some averaging time falls away faster than even that of a bounded angle."""
+    vanished = variance * m**2 < REPEATS_BELOW * variance[0]
+    if vanished.any():
+        raise InputError(
+            f"The record repeats itself every {m[np.argmax(vanished)] / rate_hz:.6g} s or a whole part of that: its "
+            "Allan variance vanishes there. A file put together from copies of one part is the likely cause; give the "
+            "record as it was taken."
+        )
 
 
 def _best_fit(m: Array, variance: Array, n: int, rate_hz: float, *, axes: int, flicker_longest: float) -> _Fit:

@@ -143,6 +143,7 @@ def heading(
     Exit code 0: a valid heading. 2: bad input. 3: no valid heading; the reasons are printed.
     For a folder: 2 if any file could not be read, else 3 if any heading is not valid, else 0.
     """
+    from gyronorth.readers import is_bag_folder
     from gyronorth.recording import InputError
 
     if as_json and nmea:
@@ -151,7 +152,8 @@ def heading(
         raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
     suffixes = (".html", ".htm")
     check_outputs({"--csv": (csv, ()), "--plot": (plot, PLOT_SUFFIXES), "--report": (report, suffixes)}, source=source)
-    if source.is_dir():
+    folder = source.is_dir() and not is_bag_folder(source)
+    if folder:
         single = [name for name, given in (("--plot", plot), ("--report", report), ("--nmea", nmea)) if given]
         if single:
             raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
@@ -160,7 +162,7 @@ def heading(
     if curve is not None and method is Method.auto:
         method = Method.mean  # what a deviation curve corrects
     request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude, model, turn_angles, curve)
-    if source.is_dir():
+    if folder:
         return _folder(source, request, as_json=as_json, csv=csv)
     return _file(source, request, as_json=as_json, nmea=nmea, csv=csv, plot=plot, report=report)
 
@@ -292,7 +294,7 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     inputs = [("file", file), ("method asked for", request.method)]
     if reading.window is not None:
         inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
-    declared = [(name, getattr(reading, name)) for name in ("axes", "gyro_unit", "accel_unit", "variable")]
+    declared = [(name, getattr(reading, name)) for name in ("axes", "gyro_unit", "accel_unit", "variable", "topic")]
     inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
     if reading.rate_hz is not None:
         inputs.append(("declared rate", f"{reading.rate_hz:g} Hz"))

@@ -20,6 +20,9 @@ import typer
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
 
+#: Samples that a command holds of a file that it reads piece by piece: 48 bytes with both triads, so 13 MB.
+CHUNK_SAMPLES = 1 << 18
+
 DEG_PER_HOUR = radians(1) / 3600  # rad/s; the same as angles.DEG_PER_HOUR, which would load numpy for --help
 
 
@@ -220,7 +223,21 @@ READING: dict[str, tuple[Any, Any]] = {
     ),
     "variable": (
         Annotated[
-            str | None, typer.Option(metavar="NAME", help="Variable to read from a .mat file.", rich_help_panel=FILE)
+            str | None,
+            typer.Option(
+                metavar="NAME",
+                help="Variable to read from a .mat or HDF5 file, or group of the latter.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "topic": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME", help="Topic of sensor_msgs/Imu in a bag or an MCAP file.", rich_help_panel=FILE
+            ),
         ],
         None,
     ),

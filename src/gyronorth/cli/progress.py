@@ -24,20 +24,26 @@ def working(text: str) -> Iterator[None]:
 
 
 @contextmanager
-def reading_file(path: Path) -> Iterator[Callable[[float], None] | None]:
-    """A bar of the share of a file that is read, with the time that remains; it is told the share."""
+def share_done(text: str) -> Iterator[Callable[[float], None] | None]:
+    """A bar of the share of the work that is done, with the time that remains; it is told the share."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    size = path.stat().st_size / 1e6 if path.is_file() else 0.0
-    text = f"reading {path.name}" + (f", {size:.0f} MB" if size >= 10 else "")
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(text, total=None)
         yield lambda share: progress.update(task, total=1.0, completed=share)
+
+
+@contextmanager
+def reading_file(path: Path, *, doing: str = "reading") -> Iterator[Callable[[float], None] | None]:
+    """The same for a file that is read, with its size."""
+    size = path.stat().st_size / 1e6 if path.is_file() else 0.0
+    with share_done(f"{doing} {path.name}" + (f", {size:.0f} MB" if size >= 10 else "")) as progress:
+        yield progress
 
 
 def files_done(paths: Sequence[Path]) -> Iterator[Path]:

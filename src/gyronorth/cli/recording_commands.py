@@ -11,6 +11,7 @@ import typer
 
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
+    CHUNK_SAMPLES,
     Json,
     Latitude,
     Pitch,
@@ -27,10 +28,11 @@ from gyronorth.cli.progress import reading_file, working
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
 
-#: What `readers.write` writes.
-RECORDING_SUFFIXES = (".csv", ".npz")
+#: What `readers.write` writes (a test compares; it is not imported for --help).
+RECORDING_SUFFIXES = (".csv", ".npz", ".h5", ".hdf5", ".parquet", ".mcap", ".bag")
 OutputRecording = Annotated[
-    Path, typer.Option("-o", "--output", metavar="FILE", help="Recording to write, .csv or .npz.")
+    Path,
+    typer.Option("-o", "--output", metavar="FILE", help=f"Recording to write: {', '.join(RECORDING_SUFFIXES)}."),
 ]
 
 
@@ -147,14 +149,11 @@ def convert(
     *,
     reading: ReadOptions,
 ) -> None:
-    """Rewrite a recording in SI and body axes (.csv or .npz), at a lower rate if asked."""
+    """Rewrite a recording in SI and body axes in the format of the output's suffix, at a lower rate if asked."""
     from gyronorth import readers
-    from gyronorth.conditioning import decimated
+    from gyronorth.conditioning import decimated_chunks
 
     check_outputs({"-o": (output, RECORDING_SUFFIXES)}, source=source)
-    with reading_file(source) as progress:
-        recording = readers.read(source, reading, progress=progress)
-    if decimate_to is not None:
-        recording = decimated(recording, decimate_to)
-    with working(f"writing {output.name}"):
-        readers.write(recording, output)
+    with reading_file(source, doing="converting") as progress:
+        _, chunks = readers.read_chunks(source, reading, chunk_samples=CHUNK_SAMPLES, progress=progress)
+        readers.write_chunks(chunks if decimate_to is None else decimated_chunks(chunks, decimate_to), output)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import ExitStack
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +14,7 @@ import typer
 
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
+    CHUNK_SAMPLES,
     PLOT_SUFFIXES,
     Json,
     Latitude,
@@ -22,7 +24,7 @@ from gyronorth.cli.options import (
     print_json,
     with_reading,
 )
-from gyronorth.cli.progress import reading_file, working
+from gyronorth.cli.progress import reading_file, share_done, working
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -68,18 +70,20 @@ def allan(
 ) -> None:
     """Allan deviation of a recording, and the error terms of its sensor with their intervals."""
     from gyronorth import readers
-    from gyronorth.allan import characterise
+    from gyronorth.allan import axes_in_files, characterise
     from gyronorth.report.sensors import print_characterisation
     from gyronorth.sensor import read_sensor, write_sensor
 
     check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
     base = None if sensor is None else read_sensor(sensor)
-    with reading_file(source) as progress:
-        recording = readers.read(source, reading, progress=progress)
-    with working("identifying error terms"):
+    with ExitStack() as stack:
+        with reading_file(source) as progress:
+            _, chunks = readers.read_chunks(source, reading, chunk_samples=CHUNK_SAMPLES, progress=progress)
+            recording = stack.enter_context(axes_in_files(chunks))
         source_name = recording.source.encode("utf-8", "backslashreplace").decode()  # a file name may be no UTF-8
         recording = replace(recording, source=source_name)
-        found = characterise(recording, base=base, name=None if output is None else output.stem)
+        with share_done("identifying error terms") as progress:
+            found = characterise(recording, base=base, name=None if output is None else output.stem, progress=progress)
     if output is not None:
         write_sensor(found.sensor, output)
     if plot is not None:

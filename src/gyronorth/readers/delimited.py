@@ -15,17 +15,12 @@ import re
 from functools import partial
 from pathlib import Path
 
-from gyronorth.readers.axes import mat_bf
-from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions, choose_columns
+from gyronorth.readers.facts import is_number, read_facts
+from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
-from gyronorth.readers.text import Layout, TextHead, text_blocks
-from gyronorth.recording import Gap, InputError
+from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
+from gyronorth.recording import InputError
 
-#: First line of the files that `write` makes: units, axes and rate are SI, frd and stated.
-SIGNATURE = ("format", "gyronorth.recording/1")
-#: A column of time in seconds may carry one of these names.
-TIME_TITLES = (TIME, "time", "Time", "TIME")
-_ALIASES = {TIME: TIME_TITLES} | {name: (name,) for name in (*RATES, *FORCES)}
 _COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
 _PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
 _PUBLISHED_TITLES = ("", *RATES, *FORCES)
@@ -40,7 +35,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         if line is None or not line.strip():
             raise InputError(f"{path.name} ends before its header; a line such as {','.join(NAMES)} is expected.")
         titles = _fields(line, head)
-        numeric = all(_is_number(title) for title in titles if title) and any(titles)
+        numeric = all(is_number(title) for title in titles if title) and any(titles)
         if numeric:
             header: list[str] | int = len(titles)
             if not options.columns:
@@ -57,7 +52,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
             raise InputError(f"Row {head.row} of {path.name} is not the header that gyronorth wrote: it is damaged.")
         first_row = head.peek() or ""
         trailing, titles = _trailing(titles, first_row, numeric)
-        found = choose_columns(header if not numeric else len(titles), options.columns, _ALIASES, path.name)
+        found = choose_columns(header if not numeric else len(titles), options.columns, OUR_TITLES, path.name)
         offset, row = head.offset, head.row
     columns = tuple(name for name in NAMES if name in found)
     layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing)
@@ -72,6 +67,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         usual=_PUBLISHED if published else Facts(),
         clock=Clock(unit=1.0, name=titles[found[TIME]]) if TIME in found else None,
         ours=ours,
+        parts=text_parts(path, offset, row, layout),
     )
 
 
@@ -93,50 +89,9 @@ def _comments(head: TextHead) -> tuple[Facts, bool]:
             raise InputError(f"Row {head.row} of {head.name} states {match[1]} again, with another value.")
         texts[match[1]] = (match[2], head.row)
 
-    def value(key: str, low: float, high: float) -> float | None:
-        if key not in texts:
-            return None
-        text, row = texts[key]
-        if not (_is_number(text) and low <= float(text) <= high):
-            raise InputError(
-                f"Row {row} of {head.name}: {key} is {text[:60]!r}; a number of {low:g} to {high:g} is expected."
-            )
-        return float(text)
-
-    def gaps() -> tuple[Gap, ...]:
-        text, row = texts.get("gaps", ("", 0))
-        entries = [entry.partition(":")[::2] for entry in text.split()]
-        if not all(_is_number(start) and re.fullmatch("[0-9]{1,12}", count) for start, count in entries):
-            raise InputError(f"Row {row} of {head.name}: gaps is {text[:60]!r}; START:SAMPLES ... is expected.")
-        return tuple(Gap(float(start), int(count)) for start, count in entries)
-
-    def choice(key: str, choices: tuple[str, ...]) -> str | None:
-        if key not in texts:
-            return None
-        text, row = texts[key]
-        if text not in choices:
-            raise InputError(f"Row {row} of {head.name}: {key} is {text!r}; one of {', '.join(choices)} is expected.")
-        return text
-
-    axes = texts.get("axes", (None, 0))[0]
-    if axes is not None:
-        mat_bf(axes)
-    latitude_deg, heading_deg = value("latitude_deg", -90, 90), value("heading_true_deg", -360, 360)
-    samples, dropped = value("samples", 1, 1e12), value("rows_dropped", 0, 1e12)
-    facts = Facts(
-        rate_hz=value("rate_hz", 1e-3, 1e6),
-        gyro_unit=choice("gyro_unit", tuple(GYRO_UNITS)),
-        accel_unit=choice("accel_unit", tuple(ACCEL_UNITS)),
-        axes=axes,
-        latitude=None if latitude_deg is None else math.radians(latitude_deg),
-        heading_true=None if heading_deg is None else math.radians(heading_deg),
-        session=texts.get("session", (None, 0))[0],
-        start_time_utc=texts.get("start_time_utc", (None, 0))[0],
-        samples=None if samples is None else int(samples),
-        rows_dropped=int(dropped or 0),
-        gaps=gaps(),
+    return read_facts(
+        {key: text for key, (text, _) in texts.items()}, lambda key: f"Row {texts[key][1]} of {head.name}"
     )
-    return facts, texts.get(SIGNATURE[0], ("", 0))[0] == SIGNATURE[1] and facts.gyro_unit == "rad/s"
 
 
 def _fields(line: str, head: TextHead) -> list[str]:
@@ -163,11 +118,3 @@ def _trailing(titles: list[str], first_row: str, numeric: bool) -> tuple[bool, l
     if numeric:
         return ends_in_comma, titles[:-1] if ends_in_comma else titles
     return ends_in_comma and first_row.count(",") == len(titles), titles
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return "_" not in text

@@ -1,4 +1,4 @@
-"""What a file holds, for a look before any heading."""
+"""What a file holds, for a look before any heading: read whole when it is short, at some places when it is long."""
 
 from __future__ import annotations
 
@@ -11,8 +11,21 @@ import numpy as np
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.reading import Progress, RecordingInfo, read_chunks
-from gyronorth.recording import Gap, Note
+from gyronorth.readers.places import Look, look
+from gyronorth.readers.reading import CHUNK_SAMPLES, Progress, RecordingInfo, read_chunks
+from gyronorth.recording import Gap, InputError, Note
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a description is based on that did not read all of a file."""
+
+    places: int  # blocks of samples read, evenly spread
+    samples: int  # in these
+    samples_known: bool  # whether the file's number of samples is known; else it is estimated
+    rate_mean_sigma: tuple[float, float, float]  # of each axis' mean rate, by the scatter between the places, rad/s
+    missing: float | None  # samples missing in all, by first and last time; None where these do not tell
+    missing_sigma: float | None  # of `missing`, by the scatter of the sample interval between the places
 
 
 @dataclass(frozen=True)
@@ -25,8 +38,9 @@ class Description:
     rate_mean: tuple[float, float, float]  # mean angular rate, rad/s
     force_mean: tuple[float, float, float] | None  # mean specific force, m/s^2
     rows_dropped: int
-    gaps: tuple[Gap, ...]
+    gaps: tuple[Gap, ...]  # with `estimate`: those that the file states and those at the places that were read
     notes: tuple[Note, ...]
+    estimate: Estimate | None = None  # None: all of the file was read
 
     @property
     def rate_norm(self) -> float:
@@ -50,14 +64,30 @@ class Description:
             "rows_dropped": self.rows_dropped,
             "gaps": [asdict(gap) for gap in self.gaps],
             "notes": [asdict(note) for note in self.notes],
+            "estimated_from": None if self.estimate is None else _estimate_json(self.estimate),
         }
 
 
 def describe(
-    path: str | Path, options: ReadOptions | None = None, *, progress: Progress | None = None, **declared: Any
+    path: str | Path,
+    options: ReadOptions | None = None,
+    *,
+    chunk_samples: int = CHUNK_SAMPLES,
+    progress: Progress | None = None,
+    **declared: Any,
 ) -> Description:
-    """Read a file in chunks and describe it; arguments and errors as for `read`."""
-    info, chunks = read_chunks(path, options, progress=progress, **declared)
+    """Describe a file; arguments and errors as for `read_chunks`.
+
+    A long file is read at some places, unless what is there cannot be used as it stands: then
+    all of it is read, chunk by chunk, as a short one is, and told from.
+    """
+    try:
+        found = look(path, options, **declared)
+    except InputError:  # a bad row, a gap: the whole file gives the row and the count
+        found = None
+    if found is not None:
+        return _estimated(found)
+    info, chunks = read_chunks(path, options, chunk_samples=chunk_samples, progress=progress, **declared)
     total, samples, dropped = np.zeros(6), 0, 0
     gaps: list[Gap] = []
     notes: dict[str, Note] = {}
@@ -79,3 +109,42 @@ def describe(
         gaps=tuple(gaps),
         notes=tuple(notes.values()),
     )
+
+
+def _estimated(seen: Look) -> Description:
+    """The description of a file that was read at some places."""
+    weight = seen.samples / seen.samples.sum()
+    rate = (weight @ seen.rate_mean).tolist()
+    force = None if seen.force_mean is None else (weight @ seen.force_mean).tolist()
+    sigma = (seen.rate_mean.std(axis=0, ddof=1) / np.sqrt(len(weight))).tolist()
+    samples, missing, missing_sigma = seen.rows, None, None
+    if seen.span is not None:
+        on_grid = seen.span * seen.rate_hz.mean() + 1
+        samples = seen.rows if seen.rows_known else round(on_grid)
+        if seen.rows_known:
+            missing = float(on_grid - seen.rows)
+            missing_sigma = float(seen.span * seen.rate_hz.std(ddof=1) / np.sqrt(len(weight)))
+    return Description(
+        info=seen.info,
+        samples=samples,
+        duration=samples / seen.info.rate_hz,
+        rate_mean=(rate[0], rate[1], rate[2]),
+        force_mean=None if force is None else (force[0], force[1], force[2]),
+        rows_dropped=seen.rows_dropped,
+        gaps=seen.gaps,
+        notes=seen.notes,
+        estimate=Estimate(
+            places=len(weight),
+            samples=int(seen.samples.sum()),
+            samples_known=seen.rows_known,
+            rate_mean_sigma=(sigma[0], sigma[1], sigma[2]),
+            missing=missing,
+            missing_sigma=missing_sigma,
+        ),
+    )
+
+
+def _estimate_json(estimate: Estimate) -> dict[str, Any]:
+    document = asdict(estimate)
+    sigma = document.pop("rate_mean_sigma")
+    return document | {"rate_mean_sigma_deg_h": [value / DEG_PER_HOUR for value in sigma]}

@@ -1,14 +1,19 @@
-"""MATLAB files (.mat up to version 7): one named array of samples x columns, and a map of its columns."""
+"""MATLAB files (.mat): one named array of samples x columns, and a map of its columns.
+
+Versions 5 to 7 are read here; version 7.3 is HDF5 and goes to its reader.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.readers.hdf5 import is_hdf5, open_hdf5
 from gyronorth.readers.mat5 import MatError, Variable, is_level5, matrix, variables
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.source import NAMES, TIME, Bad, Block, Clock, Facts, Source
@@ -21,13 +26,15 @@ _BLOCK_ROWS = 1 << 14
 
 def open_mat(path: Path, options: ReadOptions) -> Source:
     """Open a MATLAB file."""
+    if is_hdf5(path):
+        return replace(open_hdf5(path, options), format="mat")
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path.name} is larger than {LARGEST >> 20} MiB; split it.")
     content = path.read_bytes()
     if not is_level5(content):
         raise InputError(
-            f"{path.name} is not a MATLAB file of version 5 to 7: another version (7.3 is HDF5), damaged or cut off. "
-            "Save it in MATLAB with: save(FILE, '-v7')."
+            f"{path.name} is not a MATLAB file of version 5 to 7.3: another version, damaged or cut off. Save it in "
+            "MATLAB with: save(FILE, '-v7')."
         )
     try:
         found = variables(content)

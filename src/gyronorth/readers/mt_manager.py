@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
-from gyronorth.readers.text import Layout, TextHead, text_blocks
+from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
 from gyronorth.recording import InputError
 
 _TIME_FINE, _COUNTER = "SampleTimeFine", "PacketCounter"
@@ -63,6 +63,7 @@ def open_mt_manager(path: Path, options: ReadOptions) -> Source:
         stated=Facts(rate_hz=rate_hz),
         usual=Facts(gyro_unit="rad/s", accel_unit="m/s2", axes="flu"),
         clock=clock,
+        parts=text_parts(path, offset, row, layout),
     )
 
 

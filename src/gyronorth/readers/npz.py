@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import shutil
 import zipfile
 from collections.abc import Iterator
+from contextlib import ExitStack
 from functools import partial
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -15,6 +18,7 @@ from numpy.typing import NDArray
 
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.source import FORCES, RATES, Bad, Block, Facts, Source
 from gyronorth.recording import Gap, InputError
 
@@ -71,6 +75,38 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
         ),
         ours=True,
     )
+
+
+def write_npz(outgoing: Outgoing, path: Path) -> None:
+    """Write a recording as .npz; an array says its length first, so the samples wait in files of their own."""
+    names = ("gyro_b", "accel_b") if outgoing.has_accel else ("gyro_b",)
+    with ExitStack() as stack:
+        waiting = {name: stack.enter_context(TemporaryFile(dir=path.parent)) for name in names}
+        for rows in outgoing.rows():
+            for name, file in waiting.items():
+                file.write(np.ascontiguousarray(getattr(rows, name)).tobytes())
+        facts = outgoing.facts
+        arrays = {
+            "schema": SCHEMA,
+            "rate_hz": facts.rate_hz,
+            "latitude": facts.latitude,
+            "heading_true": facts.heading_true,
+            "session": facts.session,
+            "start_time_utc": facts.start_time_utc,
+            "rows_dropped": facts.rows_dropped,
+            "gaps": np.array([[gap.start, gap.samples] for gap in facts.gaps], dtype=float).reshape(-1, 2),
+        }
+        archive = stack.enter_context(zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED))
+        for key, value in arrays.items():
+            if value is not None:
+                with archive.open(f"{key}.npy", "w") as member:
+                    np.lib.format.write_array(member, np.asarray(value), allow_pickle=False)
+        for name, file in waiting.items():
+            header = {"descr": "<f8", "fortran_order": False, "shape": (facts.samples, 3)}
+            file.seek(0)
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array_header_1_0(member, header)
+                shutil.copyfileobj(file, member, 1 << 20)
 
 
 def _member(archive: zipfile.ZipFile, key: str, path: Path) -> NDArray[Any]:

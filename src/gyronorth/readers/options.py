@@ -11,13 +11,17 @@ import numpy as np
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.readers.axes import mat_bf
-from gyronorth.readers.source import FORCES, NAMES, RATES
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
 from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
 
 #: rad/s in one unit of angular rate.
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": float(np.radians(1.0)), "deg/h": DEG_PER_HOUR}
 #: m/s^2 in one unit of specific force.
 ACCEL_UNITS = {"m/s2": 1.0, "g": STANDARD_GRAVITY}
+#: Names by which a column is known without a declaration; time in seconds has several.
+OUR_TITLES = {TIME: (TIME, "time", "Time", "TIME")} | {name: (name,) for name in (*RATES, *FORCES)}
+#: Columns that a message lists.
+LISTED = 24
 #: In place of a column's name: the file has it, and it is to be left alone.
 IGNORED = "-"
 
@@ -39,7 +43,8 @@ class ReadOptions:
     accel_unit: str | None = None  # m/s2 or g
     increments: bool = False  # values are angle and velocity per sample: divide by the sample interval
     columns: Mapping[str, str | int] | None = None  # our name -> name or number (from 0) in the file, "-" to ignore it
-    variable: str | None = None  # name of the array in a .mat file
+    variable: str | None = None  # name of the array in a .mat file, of a dataset or group in HDF5
+    topic: str | None = None  # name of the topic in a bag of ROS or an MCAP file
     latitude: float | None = None  # geodetic latitude, rad
     drop_bad_rows: bool = False  # leave out rows that cannot be used, and count them
     format: str | None = None  # name of the format; by default from suffix and content
@@ -108,7 +113,7 @@ def choose_columns(
         Our name -> position from 0. Three rates always; three forces or none; t or not.
     """
     titles = header if isinstance(header, list) else []
-    width = len(titles) if titles else int(header)  # type: ignore[arg-type]
+    width = len(header) if isinstance(header, list) else header
     declared = dict(columns or {})
     found: dict[str, int] = {}
     for ours in NAMES:
@@ -125,7 +130,7 @@ def choose_columns(
     for triple, need in ((RATES, True), (FORCES, False)):
         missing = [ours for ours in triple if ours not in found]
         if missing and (need or len(missing) < 3):
-            has = f"its columns are {', '.join(titles)}" if titles else f"it has {width} columns without names"
+            has = f"its columns are {_listed(titles)}" if titles else f"it has {width} columns without names"
             raise InputError(
                 f"{name} has no column {', '.join(missing)}: {has}. Say which ones hold them, as in "
                 f"--columns {','.join(f'{ours}=NAME' for ours in missing)} (a number counts columns from 0)."
@@ -146,8 +151,14 @@ def _position(ours: str, wanted: str | int, titles: list[str], width: int, name:
         return titles.index(wanted)
     if re.fullmatch(r"[0-9]{1,6}", str(wanted)) and int(wanted) < width:
         return int(wanted)
-    has = f"its columns are {', '.join(titles)}" if titles else f"its columns are numbered 0 to {width - 1}"
+    has = f"its columns are {_listed(titles)}" if titles else f"its columns are numbered 0 to {width - 1}"
     raise InputError(f"columns says {ours}={wanted}, but {name} has no such column: {has}.")
+
+
+def _listed(titles: list[str]) -> str:
+    """Names for a message, the first ones of many, none longer than a line."""
+    shown = [title if len(title) <= 60 else title[:57] + "..." for title in titles[:LISTED]]
+    return ", ".join(shown) + (f" and {len(titles) - LISTED} more" if len(titles) > LISTED else "")
 
 
 def _among(name: str, value: str | None, choices: Mapping[str, float]) -> None:

@@ -11,16 +11,14 @@ belongs to the front axis, and g is the unit of the accelerometer's scale.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FORCES, RATES, Block, Facts, Source
-from gyronorth.readers.text import Layout, TextHead, text_blocks
+from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
 from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
 
 _ARCSEC = math.pi / 180 / 3600
@@ -54,12 +52,14 @@ def open_psins(path: Path, options: ReadOptions) -> Source:
             "third header line (three gyro scales in arcsec, three accelerometer scales in ug s, all positive) seems "
             "to be missing; put it in from the data sheet."
         )
+    layout = Layout(_TITLES, tuple(range(6)), None)
+    parts = text_parts(path, offset, data_row, layout)
     units = np.concatenate([np.array(scale[:3]) * _ARCSEC, np.array(scale[3:]) * 1e-6 * gravity])
     return Source(
         format="psins",
         name=path.name,
         columns=(*RATES, *FORCES),
-        blocks=partial(_scaled, path, offset, data_row, units),
+        blocks=lambda: (_scaled(block, units) for block in text_blocks(path, offset, data_row, layout)),
         stated=Facts(
             rate_hz=1000 / interval_ms,
             gyro_unit="rad/s",
@@ -71,13 +71,13 @@ def open_psins(path: Path, options: ReadOptions) -> Source:
         ),
         usual=Facts(axes="rfu"),
         truth_follows_axes=True,
+        parts=replace(parts, read=lambda share: _scaled(parts.read(share), units)),
     )
 
 
-def _scaled(path: Path, offset: int, row: int, units: np.ndarray) -> Iterator[Block]:
+def _scaled(block: Block, units: np.ndarray) -> Block:
     """Counts turned into rad and m/s per sample."""
-    for block in text_blocks(path, offset, row, Layout(_TITLES, tuple(range(6)), None)):
-        yield replace(block, values=block.values * units)
+    return replace(block, values=block.values * units)
 
 
 def _header_line(head: TextHead, meaning: str) -> list[float]:

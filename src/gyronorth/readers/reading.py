@@ -30,6 +30,7 @@ class RecordingInfo:
 
     source: str  # file name
     format: str  # name of the format
+    topic: str | None  # of a bag or an MCAP file
     columns: tuple[str, ...]  # of t, w_x ... f_z, those the file has
     rate_hz: float  # Hz
     gyro_unit: str  # in the file
@@ -72,7 +73,7 @@ def read(
     InputError
         If the file is damaged, or what it holds cannot be or is not known.
     """
-    reading = _Reading(path, _options(options, declared), progress)
+    reading = Reading(path, options_of(options, declared), progress)
     pieces = [samples for samples in reading.samples() if len(samples)]
     regulariser = reading.regulariser
     regulariser.finish()
@@ -116,31 +117,14 @@ def read_chunks(
     """
     if chunk_samples < 1:
         raise InputError(f"chunk_samples is {chunk_samples}; at least 1 is expected.")
-    reading = _Reading(path, _options(options, declared), progress)
+    reading = Reading(path, options_of(options, declared), progress)
     stream = _rechunked(reading, chunk_samples)
     first = next(stream)
     notes = reading.check(first)
-    source, resolved, stated = reading.source, reading.declared, reading.source.stated
-    info = RecordingInfo(
-        source=source.name,
-        format=source.format,
-        columns=source.columns,
-        rate_hz=reading.rate_hz,
-        gyro_unit=resolved.gyro_unit,
-        accel_unit=resolved.accel_unit or None,
-        axes=resolved.axes,
-        axes_declared=resolved.axes_declared,
-        increments=resolved.increments,
-        latitude=resolved.latitude,
-        heading_true=resolved.heading_true,
-        session=stated.session,
-        start_time_utc=reading.start_time(0),
-        notes=notes,
-    )
-    return info, _chunks(reading, first, stream, notes)
+    return reading.info(notes), _chunks(reading, first, stream, notes)
 
 
-class _Reading:
+class Reading:
     """One pass through a file."""
 
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
@@ -190,6 +174,27 @@ class _Reading:
             check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
         return check_axes(samples, self.declared, name=self.source.name) if samples.shape[1] == 6 else ()
 
+    def info(self, notes: tuple[Note, ...]) -> RecordingInfo:
+        """What is known once the first samples have passed, with the remarks of `check` on these."""
+        source, resolved, stated = self.source, self.declared, self.source.stated
+        return RecordingInfo(
+            source=source.name,
+            format=source.format,
+            topic=source.topic,
+            columns=source.columns,
+            rate_hz=self.rate_hz,
+            gyro_unit=resolved.gyro_unit,
+            accel_unit=resolved.accel_unit or None,
+            axes=resolved.axes,
+            axes_declared=resolved.axes_declared,
+            increments=resolved.increments,
+            latitude=resolved.latitude,
+            heading_true=resolved.heading_true,
+            session=stated.session,
+            start_time_utc=self.start_time(0),
+            notes=notes,
+        )
+
     def start_time(self, first: int) -> str | None:
         """UTC of a sample, counted from the first one returned."""
         stated = self.source.stated.start_time_utc
@@ -212,12 +217,7 @@ class _Reading:
         gaps += clip_gaps(stated.gaps, offset + first, offset + first + len(samples), rate_hz=rate_hz)
         if first == 0:
             rows_dropped += stated.rows_dropped
-        parts = [samples[:, :3], samples[:, 3:] if samples.shape[1] == 6 else None]
-        mat = self.declared.mat_vf
-        if mat is not None:
-            parts = [None if part is None else _turned(part, mat) for part in parts]
-        gyro, accel = (None if part is None else np.ascontiguousarray(part) for part in parts)
-        assert gyro is not None
+        gyro, accel = self.in_body_axes(samples)
         return Recording(
             gyro_b=gyro,
             accel_b=accel,
@@ -229,11 +229,19 @@ class _Reading:
             source=self.source.name,
             rows_dropped=rows_dropped,
             gaps=gaps,
-            notes=(*notes, *self._notes(len(samples), gaps, rows_dropped)),
+            notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),
         )
 
-    def _notes(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
-        notes = gap_notes(gaps, samples=samples) + self.length_notes
+    def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+        """Rate and specific force (n, 3) of samples in file axes; None without an accelerometer."""
+        parts = [samples[:, :3], *([samples[:, 3:]] if samples.shape[1] == 6 else [])]
+        mat = self.declared.mat_vf
+        gyro, *accel = (np.ascontiguousarray(part if mat is None else _turned(part, mat)) for part in parts)
+        return gyro, accel[0] if accel else None
+
+    def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
+        """What there is to say of the file, and of `samples` samples with these gaps and dropped rows."""
+        notes = self.source.notes + gap_notes(gaps, samples=samples) + self.length_notes
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
@@ -246,7 +254,8 @@ class _Reading:
         return notes
 
 
-def _options(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOptions:
+def options_of(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOptions:
+    """The options, or the declarations by name as such."""
     if options is not None and declared:
         raise TypeError("Give options or single declarations, not both.")
     unknown = set(declared) - {item.name for item in fields(ReadOptions)}
@@ -256,7 +265,7 @@ def _options(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOptio
     return options or ReadOptions(**declared)
 
 
-def _rechunked(reading: _Reading, chunk_samples: int) -> Iterator[NDArray[np.float64]]:
+def _rechunked(reading: Reading, chunk_samples: int) -> Iterator[NDArray[np.float64]]:
     """Samples in pieces of `chunk_samples`; bad rows are complained of as they come."""
     held: list[NDArray[np.float64]] = []
     count = 0
@@ -274,7 +283,7 @@ def _rechunked(reading: _Reading, chunk_samples: int) -> Iterator[NDArray[np.flo
 
 
 def _chunks(
-    reading: _Reading, first: NDArray[np.float64], stream: Iterator[NDArray[np.float64]], notes: tuple[Note, ...]
+    reading: Reading, first: NDArray[np.float64], stream: Iterator[NDArray[np.float64]], notes: tuple[Note, ...]
 ) -> Iterator[Recording]:
     start = dropped = 0
     samples: NDArray[np.float64] | None = first

@@ -6,11 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gyronorth.readers.delimited import open_csv
+from gyronorth.readers.hdf5 import SIGNATURE as HDF5_SIGNATURE
+from gyronorth.readers.hdf5 import open_hdf5
 from gyronorth.readers.mat import open_mat
+from gyronorth.readers.mcap import open_mcap
 from gyronorth.readers.mt_manager import open_mt_manager
 from gyronorth.readers.npz import open_npz
 from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.parquet import open_parquet
 from gyronorth.readers.psins import open_psins
+from gyronorth.readers.rosbag import METADATA, is_bag_folder, open_rosbag1, open_rosbag2
 from gyronorth.readers.source import Source
 from gyronorth.recording import InputError
 
@@ -21,9 +26,27 @@ FORMATS: dict[str, Callable[[Path, ReadOptions], Source]] = {
     "mt-manager": open_mt_manager,
     "mat": open_mat,
     "npz": open_npz,
+    "hdf5": open_hdf5,
+    "parquet": open_parquet,
+    "rosbag1": open_rosbag1,
+    "rosbag2": open_rosbag2,
+    "mcap": open_mcap,
 }
 #: Suffixes that say the format; .txt and others are looked into.
-SUFFIXES = {".csv": "csv", ".imu": "psins", ".mat": "mat", ".npz": "npz"}
+SUFFIXES = {
+    ".csv": "csv",
+    ".imu": "psins",
+    ".mat": "mat",
+    ".npz": "npz",
+    ".h5": "hdf5",
+    ".hdf5": "hdf5",
+    ".parquet": "parquet",
+    ".bag": "rosbag1",
+    ".db3": "rosbag2",
+    ".mcap": "mcap",
+}
+#: What a declaration of one of these is good for.
+_VARIABLES, _TOPICS = ("mat", "hdf5"), ("rosbag1", "rosbag2", "mcap")
 
 
 def open_source(path: str | Path, options: ReadOptions) -> Source:
@@ -36,15 +59,21 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
     """
     path = Path(path)
     try:
-        if path.is_dir():
-            raise InputError(f"{path} is a folder; a file is expected.")
-        if path.stat().st_size == 0:
+        if path.is_dir() and not is_bag_folder(path):
+            raise InputError(f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}).")
+        if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path.name} is empty.")
-        name = options.format or SUFFIXES.get(path.suffix.lower()) or _sniffed(path)
+        name = "rosbag2" if path.is_dir() else options.format or SUFFIXES.get(path.suffix.lower()) or _sniffed(path)
         if name not in FORMATS:
             raise InputError(f"format is {name!r}; one of {', '.join(FORMATS)} is expected.")
-        if options.variable is not None and name != "mat":
-            raise InputError(f"variable {options.variable!r} is declared, but {path.name} is no .mat file.")
+        if options.variable is not None and name not in _VARIABLES:
+            raise InputError(
+                f"variable {options.variable!r} is declared, but {path.name} is neither a .mat nor an HDF5 file."
+            )
+        if options.topic is not None and name not in _TOPICS:
+            raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
+        if options.columns and name in _TOPICS:
+            raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
         return FORMATS[name](path, options)
     except FileNotFoundError:
         raise InputError(f"There is no file {path}.") from None
@@ -57,8 +86,8 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
 def recordings_in(folder: str | Path) -> list[Path]:
     """The recordings in a folder and the folders below it, by name.
 
-    Everything with a known suffix counts, and each .txt that is an export of MT Manager;
-    hidden files and folders do not.
+    Everything with a known suffix counts, each .txt that is an export of MT Manager, and each
+    folder that is a bag of ROS 2, as one; hidden files and folders do not.
 
     Raises
     ------
@@ -71,13 +100,19 @@ def recordings_in(folder: str | Path) -> list[Path]:
     found = []
     for path in folder.rglob("*"):
         hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        if hidden or not path.is_file():
+        if hidden or any(is_bag_folder(above) for above in path.parents if above.is_relative_to(folder)):
+            continue
+        if path.is_dir() and is_bag_folder(path):
+            found.append(path)
+        if not path.is_file():
             continue
         known = path.suffix.lower() in SUFFIXES
         if known or (path.suffix.lower() == ".txt" and _head(path).startswith(b"//")):
             found.append(path)
     if not found:
-        raise InputError(f"{folder} holds no recordings (files in {', '.join(SUFFIXES)} or MT Manager .txt).")
+        raise InputError(
+            f"{folder} holds no recordings (files in {', '.join(SUFFIXES)}, MT Manager .txt, bags of ROS 2)."
+        )
     return sorted(found, key=_natural)
 
 
@@ -93,8 +128,16 @@ def _sniffed(path: Path) -> str:
     head = _head(path)
     if head.startswith(b"PK\x03\x04"):
         return "npz"
-    if head.startswith((b"MATLAB ", b"\x89HDF")):
+    if head.startswith(b"MATLAB "):
         return "mat"
+    if head.startswith(HDF5_SIGNATURE):
+        return "hdf5"
+    if head.startswith(b"PAR1"):
+        return "parquet"
+    if head.startswith(b"#ROSBAG "):
+        return "rosbag1"
+    if head.startswith(b"\x89MCAP"):
+        return "mcap"
     if b"PSINS" in head:
         return "psins"
     if head.startswith(b"//") or b"PacketCounter\t" in head:

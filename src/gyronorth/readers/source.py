@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.recording import Gap
+from gyronorth.recording import Gap, Note
 
 #: The columns of a recording by our names: time, angular rate, specific force.
 TIME = "t"
@@ -72,6 +72,16 @@ class Clock:
 
 
 @dataclass(frozen=True)
+class Parts:
+    """A file that can be looked into without reading all of it."""
+
+    rows: int  # in the whole file
+    exact: bool  # whether that many; else about
+    block: int  # rows, about, that one look takes
+    read: Callable[[float], Block]  # the rows at a share of the file, 0: the first ones, 1: the last ones
+
+
+@dataclass(frozen=True)
 class Source:
     """An opened recording, before any check of its values."""
 
@@ -84,3 +94,6 @@ class Source:
     clock: Clock | None = None  # meaning of column t; None when there is none
     ours: bool = False  # written by gyronorth, in SI
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
+    topic: str | None = None  # where the messages come from, in a bag or an MCAP file
+    notes: tuple[Note, ...] = ()  # remarks on how the file is read
+    parts: Parts | None = None  # None: it can only be read as a whole

@@ -9,16 +9,19 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.readers.source import DESCRIBED, Bad, Block
+from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
 from gyronorth.recording import InputError
 
 #: Bytes read at a time: about 15,000 rows of six values.
 BLOCK_BYTES = 1 << 20
+#: Bytes of a look at one place of a file, and places at which lines are counted.
+PLACE_BYTES, COUNTED = 1 << 18, 32
 #: A longer line is no row of numbers.
 LONGEST_LINE = 1 << 16
 
@@ -113,6 +116,39 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
                 row += data.count(b"\n")
             if end:
                 return
+
+
+def text_parts(path: Path, offset: int, row: int, layout: Layout) -> Parts:
+    """The same rows at places of the file; their number is estimated from the length of lines here and there."""
+    size = path.stat().st_size
+    length = 1 << 14
+    with path.open("rb") as file:
+        counted = lines = 0
+        for share in np.linspace(0, 1, COUNTED):
+            file.seek(offset + round(float(share) * max(0, size - offset - length)))
+            data = file.read(length)
+            counted, lines = counted + len(data), lines + data.count(b"\n")
+    per_row = counted / max(lines, 1)
+    return Parts(
+        rows=round((size - offset) / max(per_row, 1.0)),
+        exact=False,
+        block=round(PLACE_BYTES / max(per_row, 1.0)),
+        read=partial(_place, path, offset, row, layout, per_row),
+    )
+
+
+def _place(path: Path, offset: int, row: int, layout: Layout, per_row: float, share: float) -> Block:
+    """Whole lines at a share of the file; their row numbers are estimates."""
+    size = path.stat().st_size
+    start = offset + round(share * max(0, size - offset - PLACE_BYTES))
+    with path.open("rb") as file:
+        file.seek(start)
+        data = file.read(PLACE_BYTES)
+    begin = data.find(b"\n") + 1 if start > offset else 0
+    end = len(data) if start + len(data) >= size else data.rfind(b"\n") + 1
+    data = data[begin:end].rstrip().replace(b"\r\n", b"\n")
+    first = row + 1 + round((start + begin - offset) / per_row)
+    return parse_block(data, first, layout) if data else Block(np.zeros((0, len(layout.use))), np.arange(0), Bad.none())
 
 
 def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:

@@ -1,0 +1,41 @@
+"""Libraries of the extra `io`: imported by the reader that needs one, their errors turned into one message."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from gyronorth.recording import InputError
+
+
+def library(module: str, file: str, format: str) -> Any:
+    """A module of the extra `io`.
+
+    Raises
+    ------
+    InputError
+        If it is not installed; the message names the extra.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise InputError(
+            f"{file}: {format} needs {module.partition('.')[0]}, which is not installed. Install it with: pip install "
+            "'gyronorth[io]'."
+        ) from None
+
+
+@contextmanager
+def damage_told(name: str, what: str, cure: str = "") -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file, almost any exception, into one message."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        detail = " ".join(str(error).split())[:160] or type(error).__name__
+        raise InputError(
+            f"{name} cannot be read ({detail}): it is damaged, cut off, or no {what}.{f' {cure}' if cure else ''}"
+        ) from None

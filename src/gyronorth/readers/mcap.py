@@ -1,0 +1,150 @@
+"""MCAP files (.mcap): topics of sensor_msgs/Imu recorded by ROS 2 or ROS 1, or written by gyronorth.
+
+A file of ours has one topic in CDR, axes forward-left-up, and a metadata record named like the
+signature with the keys of the CSV's comment lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gyronorth.readers.facts import SIGNATURE, read_facts
+from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
+from gyronorth.readers.library import damage_told, library
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.outgoing import Outgoing
+from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
+from gyronorth.readers.source import Source
+from gyronorth.recording import InputError
+
+_CURE = "If it was recorded until power was lost: mcap recover IN.mcap -o OUT.mcap"
+_MAGIC = b"\x89MCAP0\r\n"
+
+
+def open_mcap(path: Path, options: ReadOptions) -> Source:
+    """Open an MCAP file."""
+    _check_whole(path)
+    with _opened(path) as reader:
+        header = reader.get_header()
+        summary = reader.get_summary()
+        texts = next((dict(record.metadata) for record in _metadata(reader, summary)), None)
+        if not _is_indexed(summary) or summary.statistics is None:
+            channels, counts, times = _scanned(path)
+        else:
+            channels = {
+                number: (item, summary.schemas.get(item.schema_id)) for number, item in summary.channels.items()
+            }
+            counts = summary.statistics.channel_message_counts
+            times = summary.statistics.message_start_time, summary.statistics.message_end_time
+    topics, encodings, other = _topics(channels, counts)
+    topic = choose_topic(topics, options.topic, path.name, other)
+    facts = None
+    if texts is not None:
+        facts, _ = read_facts(texts, lambda key: f"Metadata record {SIGNATURE[1]} of {path.name}")
+    cdr = _is_cdr(encodings[topic], topic, header.profile, path.name)
+    found = ImuTopic(topic, topics[topic], *times, cdr, partial(_messages, path, topic))
+    return imu_source(path.name, "mcap", found, facts=facts)
+
+
+def write_mcap(outgoing: Outgoing, path: Path) -> None:
+    """Write a recording as an MCAP file of ROS 2: one topic of sensor_msgs/msg/Imu, axes forward-left-up."""
+    writer_of, typesys = library("mcap.writer", path.name, "MCAP"), library("rosbags.typesys", path.name, "MCAP")
+    definition, _ = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).generate_msgdef(IMU_TYPES[1], ros_version=2)
+    start = first_stamp(outgoing)
+    with path.open("wb") as file:
+        writer = writer_of.Writer(file, compression=writer_of.CompressionType.ZSTD)
+        writer.start(profile="ros2", library="gyronorth")
+        schema = writer.register_schema(IMU_TYPES[1], "ros2msg", definition.encode())
+        channel = writer.register_channel(TOPIC, "cdr", schema)
+        for stamps, messages in ros_messages(outgoing, start, cdr=True):
+            for stamp, message in zip(stamps, messages, strict=True):
+                writer.add_message(channel, stamp, message, stamp)  # type: ignore[arg-type]
+        writer.add_metadata(SIGNATURE[1], ros_texts(outgoing))
+        writer.finish()
+
+
+def _check_whole(path: Path) -> None:
+    """An MCAP file begins and ends with the same eight bytes: a cut one is told from a foreign one."""
+    with path.open("rb") as file:
+        head = file.read(len(_MAGIC))
+        file.seek(max(0, path.stat().st_size - len(_MAGIC)))
+        tail = file.read()
+    if head != _MAGIC:
+        raise InputError(f"{path.name} is no MCAP file: it does not begin as one.")
+    if tail != _MAGIC or path.stat().st_size < 2 * len(_MAGIC):
+        raise InputError(f"{path.name} is cut off: an MCAP file ends as it begins, this one does not. {_CURE}")
+
+
+@contextmanager
+def _opened(path: Path, *, seeking: bool = True) -> Iterator[Any]:
+    """A reader of the file, its errors told; one that does not seek reads the messages in the file's order."""
+    reading = library("mcap.reader", path.name, "MCAP")
+    kind = reading.SeekingReader if seeking else reading.NonSeekingReader
+    with damage_told(path.name, "MCAP file", _CURE), path.open("rb") as file:
+        yield kind(file, validate_crcs=True, record_size_limit=path.stat().st_size)
+
+
+def _metadata(reader: Any, summary: Any) -> Iterator[Any]:
+    """Our metadata record, where there is one."""
+    if summary is not None and any(index.name == SIGNATURE[1] for index in summary.metadata_indexes):
+        yield from (record for record in reader.iter_metadata() if record.name == SIGNATURE[1])
+
+
+def _is_indexed(summary: Any) -> bool:
+    """Whether the summary, which is optional in every part, says where which channel's messages are."""
+    return summary is not None and len(summary.channels) > 0 and len(summary.chunk_indexes) > 0
+
+
+def _scanned(path: Path) -> tuple[dict[int, tuple[Any, Any]], dict[int, int], tuple[int, int]]:
+    """Channels with their schemas, message counts and the range of log times of a file whose summary lacks them."""
+    channels: dict[int, tuple[Any, Any]] = {}
+    counts: dict[int, int] = {}
+    start, stop = 2**63, 0
+    with _opened(path, seeking=False) as reader:
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
+            channels[channel.id] = channel, schema
+            counts[channel.id] = counts.get(channel.id, 0) + 1
+            start, stop = min(start, message.log_time), max(stop, message.log_time)
+    return channels, counts, (start, stop)
+
+
+def _topics(
+    channels: dict[int, tuple[Any, Any]], counts: dict[int, int]
+) -> tuple[dict[str, int], dict[str, set[str]], list[str]]:
+    """Message counts and encodings of the topics of Imu messages, and the others with their types."""
+    topics: dict[str, int] = {}
+    encodings: dict[str, set[str]] = {}
+    other = []
+    for number, (channel, schema) in channels.items():
+        kind = "" if schema is None else schema.name
+        if kind in IMU_TYPES:
+            topics[channel.topic] = topics.get(channel.topic, 0) + counts.get(number, 0)
+            encodings.setdefault(channel.topic, set()).add(channel.message_encoding)
+        else:
+            other.append(f"{channel.topic} ({kind or channel.message_encoding or 'no type'})")
+    return topics, encodings, other
+
+
+def _is_cdr(encodings: set[str], topic: str, profile: str, name: str) -> bool:
+    """Whether messages are CDR; else they are serialised as in ROS 1."""
+    if encodings not in ({"cdr"}, {"ros1"}):
+        raise InputError(
+            f"{name}: messages of {topic} are encoded as {' and '.join(sorted(encodings))} (profile {profile!r}); cdr "
+            "(ROS 2) or ros1 is expected. Record the topic with ros2 bag record, or convert it to CSV and declare "
+            "its columns."
+        )
+    return encodings == {"cdr"}
+
+
+def _messages(path: Path, topic: str, start: int | None, stop: int | None) -> Iterator[tuple[int, bytes]]:
+    """Log times and messages of a topic, in order of log time where the file has an index of chunks."""
+    with _opened(path) as reader:
+        indexed = _is_indexed(reader.get_summary())
+    with _opened(path, seeking=indexed) as reader:
+        found = reader.iter_messages(topic, log_time_order=indexed, starting_at=start, ending_before=stop)
+        for _, _, message in found:
+            yield message.log_time, message.data

@@ -1,0 +1,87 @@
+"""A recording on its way into a file: samples chunk by chunk, and the facts that are known once all have passed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.readers.facts import write_facts
+from gyronorth.readers.source import Facts
+from gyronorth.recording import Gap, Recording
+
+#: Rows handed over at a time.
+BLOCK_ROWS = 1 << 14
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Consecutive samples, SI and body axes."""
+
+    first: int  # number of the first one in the recording
+    gyro_b: NDArray[np.float64]  # (m, 3)
+    accel_b: NDArray[np.float64] | None  # (m, 3)
+
+    def numbers(self) -> NDArray[np.int64]:
+        """Sample numbers, shape (m,)."""
+        return np.arange(self.first, self.first + len(self.gyro_b))
+
+
+class Outgoing:
+    """Passes the chunks of one recording on and keeps count of samples, gaps and dropped rows."""
+
+    def __init__(self, chunks: Iterable[Recording]) -> None:
+        self._chunks = iter(chunks)
+        self._first = next(self._chunks)
+        self._gaps: list[Gap] = []
+        self._samples = self._dropped = 0
+        self.rate_hz = float(self._first.rate_hz)
+        self.has_accel = self._first.accel_b is not None
+        self.start_time_utc = self._first.start_time_utc
+
+    def rows(self) -> Iterator[Rows]:
+        """The samples, once."""
+        chunk: Recording | None = self._first
+        while chunk is not None:
+            for start in range(0, len(chunk.gyro_b), BLOCK_ROWS):
+                part = slice(start, start + BLOCK_ROWS)
+                accel = None if chunk.accel_b is None else chunk.accel_b[part]
+                yield Rows(self._samples + start, chunk.gyro_b[part], accel)
+            self._gaps += [Gap(gap.start + self._samples / self.rate_hz, gap.samples) for gap in chunk.gaps]
+            self._dropped += chunk.rows_dropped
+            self._samples += len(chunk.gyro_b)
+            chunk = next(self._chunks, None)
+
+    @property
+    def facts(self) -> Facts:
+        """What is known once all rows have passed; SI and body axes."""
+        first = self._first
+        return Facts(
+            rate_hz=self.rate_hz,
+            gyro_unit="rad/s",
+            accel_unit="m/s2" if self.has_accel else None,
+            axes="frd",
+            latitude=first.latitude,
+            heading_true=first.heading_true,
+            session=first.session,
+            start_time_utc=first.start_time_utc,
+            samples=self._samples,
+            rows_dropped=self._dropped,
+            gaps=_joined(self._gaps, self.rate_hz),
+        )
+
+    def texts(self) -> dict[str, str]:
+        """The facts by key, once all rows have passed."""
+        return write_facts(self.facts)
+
+
+def _joined(gaps: list[Gap], rate_hz: float) -> tuple[Gap, ...]:
+    """The gaps, halves of one that was cut between two chunks put together again."""
+    joined: list[Gap] = []
+    for gap in gaps:
+        if joined and abs(joined[-1].start + joined[-1].samples / rate_hz - gap.start) < 0.5 / rate_hz:
+            gap = Gap(joined[-1].start, joined.pop().samples + gap.samples)
+        joined.append(gap)
+    return tuple(joined)

@@ -1,0 +1,169 @@
+"""Parquet files: columns as in a CSV, facts in the key-value metadata of the schema; row groups stream."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.readers.facts import KEYS, read_facts
+from gyronorth.readers.library import damage_told, library
+from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
+from gyronorth.readers.outgoing import Outgoing
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Bad, Block, Clock, Parts, Source
+from gyronorth.recording import InputError
+
+#: Rows per block that is read, and per row group that is written.
+BLOCK_ROWS, GROUP_ROWS = 1 << 14, 1 << 17
+_MAGIC = b"PAR1"
+
+
+def open_parquet(path: Path, options: ReadOptions) -> Source:
+    """Open a Parquet file."""
+    _check_whole(path)
+    with _opened(path) as file:
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+        starts = np.cumsum([0] + [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)])
+        stored = file.metadata.metadata or {}
+        texts = {key: stored[key.encode()].decode("utf-8", "replace") for key in KEYS if key.encode() in stored}
+    facts, ours = read_facts(texts, lambda key: f"Metadata {key} of {path.name}")
+    found = choose_columns(list(schema.names), options.columns, OUR_TITLES, path.name)
+    columns = {name: found[name] for name in NAMES if name in found}
+    units = {name: _unit(schema.field(position).type, name, path.name) for name, position in columns.items()}
+    zero = _first_count(path, columns[TIME]) if units.get(TIME) is not None else 0
+    reading = partial(_batches, path, list(columns.values()), list(units.values()), zero)
+    return Source(
+        format="parquet",
+        name=path.name,
+        columns=tuple(columns),
+        blocks=partial(_blocks, reading, rows),
+        stated=facts,
+        clock=Clock(unit=1.0, name=schema.names[columns[TIME]]) if TIME in columns else None,
+        ours=ours,
+        parts=Parts(rows, exact=True, block=BLOCK_ROWS, read=partial(_part, reading, starts)),
+    )
+
+
+def write_parquet(outgoing: Outgoing, path: Path) -> None:
+    """Write a recording as a Parquet file."""
+    arrow, parquet = library("pyarrow", path.name, "Parquet"), library("pyarrow.parquet", path.name, "Parquet")
+    names = (TIME, *RATES, *(FORCES if outgoing.has_accel else ()))
+    schema = arrow.schema([(name, arrow.float64()) for name in names])
+    # Random numbers: a dictionary or a codec finds nothing in them.
+    how = {"compression": "none", "use_dictionary": False, "write_page_checksum": True}
+    with parquet.ParquetWriter(str(path), schema, **how) as writer:
+        held: list[NDArray[np.float64]] = []
+        for rows in outgoing.rows():
+            parts = [(rows.numbers() / outgoing.rate_hz)[:, None], rows.gyro_b]
+            held.append(np.hstack(parts + ([] if rows.accel_b is None else [rows.accel_b])))
+            if sum(map(len, held)) >= GROUP_ROWS:
+                _write_group(arrow, writer, schema, held)
+        if held:
+            _write_group(arrow, writer, schema, held)
+        writer.add_key_value_metadata(outgoing.texts())
+
+
+def _write_group(arrow: Any, writer: Any, schema: Any, held: list[NDArray[np.float64]]) -> None:
+    table = np.concatenate(held)
+    held.clear()
+    columns = [arrow.array(np.ascontiguousarray(column)) for column in table.T]
+    writer.write_table(arrow.Table.from_arrays(columns, schema=schema), row_group_size=len(table))
+
+
+def _check_whole(path: Path) -> None:
+    """A Parquet file begins and ends with the same four bytes: a cut one is told from a foreign one."""
+    with path.open("rb") as file:
+        head = file.read(len(_MAGIC))
+        file.seek(max(0, path.stat().st_size - len(_MAGIC)))
+        tail = file.read()
+    if head != _MAGIC:
+        raise InputError(f"{path.name} is no Parquet file: it does not begin as one.")
+    if tail != _MAGIC or path.stat().st_size < 3 * len(_MAGIC):
+        raise InputError(
+            f"{path.name} is cut off: a Parquet file ends in its index, which is missing. Write or copy it again."
+        )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    parquet = library("pyarrow.parquet", path.name, "Parquet")
+    with (
+        damage_told(path.name, "Parquet file"),
+        parquet.ParquetFile(str(path), page_checksum_verification=True) as file,
+    ):
+        yield file
+
+
+def _unit(kind: Any, name: str, file: str) -> float | None:
+    """Seconds in one unit of a column of dates or times; None for plain numbers."""
+    types = library("pyarrow.types", file, "Parquet")
+    if types.is_integer(kind) or types.is_floating(kind):
+        return None
+    if name == TIME and (types.is_timestamp(kind) or types.is_duration(kind)):
+        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
+    raise InputError(f"Column {name} of {file} holds {kind}; numbers are expected.")
+
+
+def _first_count(path: Path, position: int) -> int:
+    """The first value of a column of dates or times, in its unit."""
+    with _opened(path) as file:
+        batch = next(file.iter_batches(batch_size=1, columns=[file.schema_arrow.names[position]]), None)
+        first = None if batch is None or len(batch) == 0 else batch.column(0).cast("int64")[0].as_py()
+    if first is None:
+        raise InputError(f"{path.name} holds no rows, or its first time is empty.")
+    return int(first)
+
+
+def _batches(
+    path: Path, positions: list[int], units: list[float | None], zero: int, groups: list[int] | None
+) -> Iterator[NDArray[np.float64]]:
+    """Numbers of the chosen columns, shape (m, k), of all row groups or of some."""
+    with _opened(path) as file:
+        names = [file.schema_arrow.names[position] for position in positions]
+        how = {"batch_size": BLOCK_ROWS, "columns": names, "use_threads": False}
+        for batch in file.iter_batches(**how) if groups is None else file.iter_batches(row_groups=groups, **how):
+            columns = [_numbers(batch.column(name), unit, zero) for name, unit in zip(names, units, strict=True)]
+            yield np.stack(columns, axis=1)
+
+
+def _numbers(column: Any, unit: float | None, zero: int) -> NDArray[np.float64]:
+    """A column as doubles, a null as NaN; dates and times in seconds from the count `zero` on.
+
+    By DLPack: `to_numpy` of the library loads pandas where that is installed, half a second.
+    """
+    stored = column.cast("float64" if unit is None else "int64", safe=False)
+    counts: NDArray[Any] = np.from_dlpack(stored.fill_null(0) if column.null_count else stored)
+    numbers = counts if unit is None else (counts - zero) * unit
+    if column.null_count == 0:
+        return numbers
+    return np.where(np.from_dlpack(column.is_null().cast("uint8")) == 1, np.nan, numbers)
+
+
+def _blocks(reading: partial[Iterator[NDArray[np.float64]]], rows: int) -> Iterator[Block]:
+    row = 0
+    for values in reading(None):
+        yield replace(_block(values, row), share=min(1.0, (row + len(values)) / max(rows, 1)))
+        row += len(values)
+
+
+def _part(reading: partial[Iterator[NDArray[np.float64]]], starts: NDArray[np.int64], share: float) -> Block:
+    """A block of rows from the row group at a share of the file; 1: the last rows."""
+    group = min(int(np.searchsorted(starts, share * starts[-1], side="right")) - 1, len(starts) - 2)
+    row, last = int(starts[group]), None
+    for values in reading([group]):
+        if share < 1:
+            return _block(values, row)
+        row, last = row + len(values), values
+    if last is None:
+        raise InputError("an empty row group")
+    return _block(last, row - len(last))
+
+
+def _block(values: NDArray[np.float64], row: int) -> Block:
+    return Block(values, np.arange(row + 1, row + 1 + len(values)), Bad.none())
