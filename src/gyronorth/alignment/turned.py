@@ -136,8 +136,8 @@ def turned(
         )
     if errors is None and segments.poses == 1 and not any(turn.spin for turn in segments.turns):
         raise InputError(
-            "The recording holds one pose, which cannot tell Earth rate from a gyro bias of unknown size. Turn the unit "
-            "and record a second pose, give a sensor profile, or use --method mean."
+            "The recording holds one pose, which cannot tell Earth rate from a gyro bias of unknown size. Turn the "
+            "unit and record a second pose, give a sensor profile, or use --method mean."
         )
     per_stretch = blocks_per_stretch(len(segments.stretches), None if errors is None else errors.gyro)
     blocks = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=per_stretch)
