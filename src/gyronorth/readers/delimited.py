@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -23,10 +24,14 @@ from gyronorth.recording import Gap, InputError
 
 #: First line of the files that `write` makes: units, axes and rate are SI, frd and stated.
 SIGNATURE = ("format", "gyronorth.recording/1")
+#: What a live recording states of itself: its last line may be cut off, and marks stand between its rows.
+LIVE_FORMAT = "gyronorth.live/1"
+#: How a line begins that marks a moment in a live recording.
+MARK = b"# mark: "
 #: A column of time in seconds may carry one of these names.
 TIME_TITLES = (TIME, "time", "Time", "TIME")
-_ALIASES = {TIME: TIME_TITLES} | {name: (name,) for name in (*RATES, *FORCES)}
-_COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
+ALIASES = {TIME: TIME_TITLES} | {name: (name,) for name in (*RATES, *FORCES)}
+COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
 _PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
 _PUBLISHED_TITLES = ("", *RATES, *FORCES)
 _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="frd")
@@ -35,7 +40,9 @@ _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="fr
 def open_csv(path: Path, options: ReadOptions) -> Source:
     """Open a CSV file."""
     with TextHead(path) as head:
-        facts, ours = _comments(head)
+        texts = _comments(head)
+        facts, ours = stated_facts(texts, head.name)
+        live = texts.get(SIGNATURE[0], ("", 0))[0] == LIVE_FORMAT
         line = head.peek()
         if line is None or not line.strip():
             raise InputError(f"{path.name} ends before its header; a line such as {','.join(NAMES)} is expected.")
@@ -57,10 +64,10 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
             raise InputError(f"Row {head.row} of {path.name} is not the header that gyronorth wrote: it is damaged.")
         first_row = head.peek() or ""
         trailing, titles = _trailing(titles, first_row, numeric)
-        found = choose_columns(header if not numeric else len(titles), options.columns, _ALIASES, path.name)
+        found = choose_columns(header if not numeric else len(titles), options.columns, ALIASES, path.name)
         offset, row = head.offset, head.row
     columns = tuple(name for name in NAMES if name in found)
-    layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing)
+    layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing, mark=MARK if live else None)
     heading = published_heading(path) if tuple(titles) == _PUBLISHED_TITLES else None
     published = heading is not None and facts == Facts()
     return Source(
@@ -81,17 +88,28 @@ def published_heading(path: Path) -> float | None:
     return math.radians(float(match[1])) if match and float(match[1]) <= 360 else None
 
 
-def _comments(head: TextHead) -> tuple[Facts, bool]:
-    """The facts in the comment lines, and whether gyronorth wrote them."""
+def _comments(head: TextHead) -> dict[str, tuple[str, int]]:
+    """The comment lines at the start: key -> (value, row)."""
     texts: dict[str, tuple[str, int]] = {}
     while (line := head.peek()) is not None and (line.startswith("#") or not line.strip()):
         head.take()
-        match = _COMMENT.match(line)
+        match = COMMENT.match(line)
         if match is None:
             continue
         if match[1] in texts and texts[match[1]][0] != match[2]:
             raise InputError(f"Row {head.row} of {head.name} states {match[1]} again, with another value.")
         texts[match[1]] = (match[2], head.row)
+    return texts
+
+
+def stated_facts(texts: Mapping[str, tuple[str, int]], name: str) -> tuple[Facts, bool]:
+    """The facts in the comment lines, key -> (value, row), and whether gyronorth wrote them.
+
+    Raises
+    ------
+    InputError
+        If a value is not what its key allows; it names the row and `name`.
+    """
 
     def value(key: str, low: float, high: float) -> float | None:
         if key not in texts:
@@ -99,7 +117,7 @@ def _comments(head: TextHead) -> tuple[Facts, bool]:
         text, row = texts[key]
         if not (_is_number(text) and low <= float(text) <= high):
             raise InputError(
-                f"Row {row} of {head.name}: {key} is {text[:60]!r}; a number of {low:g} to {high:g} is expected."
+                f"Row {row} of {name}: {key} is {text[:60]!r}; a number of {low:g} to {high:g} is expected."
             )
         return float(text)
 
@@ -107,7 +125,7 @@ def _comments(head: TextHead) -> tuple[Facts, bool]:
         text, row = texts.get("gaps", ("", 0))
         entries = [entry.partition(":")[::2] for entry in text.split()]
         if not all(_is_number(start) and re.fullmatch("[0-9]{1,12}", count) for start, count in entries):
-            raise InputError(f"Row {row} of {head.name}: gaps is {text[:60]!r}; START:SAMPLES ... is expected.")
+            raise InputError(f"Row {row} of {name}: gaps is {text[:60]!r}; START:SAMPLES ... is expected.")
         return tuple(Gap(float(start), int(count)) for start, count in entries)
 
     def choice(key: str, choices: tuple[str, ...]) -> str | None:
@@ -115,7 +133,7 @@ def _comments(head: TextHead) -> tuple[Facts, bool]:
             return None
         text, row = texts[key]
         if text not in choices:
-            raise InputError(f"Row {row} of {head.name}: {key} is {text!r}; one of {', '.join(choices)} is expected.")
+            raise InputError(f"Row {row} of {name}: {key} is {text!r}; one of {', '.join(choices)} is expected.")
         return text
 
     axes = texts.get("axes", (None, 0))[0]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import Declared, resolve
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_units
@@ -163,6 +164,11 @@ class _Reading:
             for block in self.source.blocks():
                 if self.progress is not None and block.share > 0:
                     self.progress(block.share)
+                if block.cut_off:
+                    message = (
+                        f"{self.source.name} ends in the middle of a line, which is left out: the recorder was killed."
+                    )
+                    self.length_notes = (Note("cut_off", message),)
                 yield self.regulariser.push(block)
                 if self.regulariser.done:
                     break
@@ -215,7 +221,7 @@ class _Reading:
         parts = [samples[:, :3], samples[:, 3:] if samples.shape[1] == 6 else None]
         mat = self.declared.mat_vf
         if mat is not None:
-            parts = [None if part is None else _turned(part, mat) for part in parts]
+            parts = [None if part is None else in_axes(part, mat) for part in parts]
         gyro, accel = (None if part is None else np.ascontiguousarray(part) for part in parts)
         assert gyro is not None
         return Recording(
@@ -287,10 +293,3 @@ def _chunks(
         dropped, start = reading.regulariser.rows_dropped, end
         reading.regulariser.forget_gaps(before=end / reading.rate_hz)
         samples = next(stream, None)
-
-
-def _turned(samples: NDArray[np.float64], mat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (n, 3) in other axes; exact where `mat` only swaps and flips axes."""
-    if np.isin(mat, (-1.0, 0.0, 1.0)).all():
-        return samples[:, np.abs(mat).argmax(axis=1)] * mat.sum(axis=1)
-    return samples @ mat.T
