@@ -20,10 +20,12 @@ if TYPE_CHECKING:
     from gyronorth.recording import Recording as Recording
     from gyronorth.sensor import read_sensor as read_sensor
     from gyronorth.simulation import simulate as simulate
+    from gyronorth.streaming import StreamingHeading as StreamingHeading
 
 _HOMES = {
     "InputError": "recording",
     "Recording": "recording",
+    "StreamingHeading": "streaming",
     "allan_deviation": "allan",
     "heading": "pipeline",
     "heading_batch": "pipeline",
@@ -34,6 +36,7 @@ _HOMES = {
 __all__ = [
     "InputError",
     "Recording",
+    "StreamingHeading",
     "allan_deviation",
     "heading",
     "heading_batch",
