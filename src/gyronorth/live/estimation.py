@@ -24,11 +24,11 @@ MOST_WAITING = 200_000
 
 @dataclass(frozen=True)
 class Found:
-    """The latest estimate and how it came about; arrays of bounded length."""
+    """The latest estimate and how it came about, arrays of bounded length."""
 
     estimate: HeadingEstimate
-    trace: tuple[Array, Array, Array, Array]  # time s, heading rad, half width of the 95 % interval rad, valid
-    rate_norm: tuple[Array, Array]  # time s, norm of the mean rate rad/s
+    trace: Array  # (k, 4): time s, heading rad or NaN, half width of the 95 % interval rad, valid
+    rate_norm: tuple[Array, Array]  # (k,) time s and norm of the mean rate rad/s
 
 
 class Estimation:
@@ -107,15 +107,9 @@ class Estimation:
         found, failure = None, None
         try:
             estimate = heading.estimate()
-            found = Found(estimate, _arrays(heading.trace, 4), _arrays(heading.rate_norm(), 2))  # type: ignore[arg-type]
+            found = Found(estimate, np.array(heading.trace, dtype=float).reshape(-1, 4), heading.rate_norm())
         except InputError as error:
             failure = str(error)
         with self._condition:
             if self._present is heading:  # else it is of a stretch that is over
                 self._done(found, failure)
-
-
-def _arrays(columns: object, count: int) -> tuple[Array, ...]:
-    found = tuple(np.array(column) for column in columns)  # type: ignore[attr-defined]
-    assert len(found) == count
-    return found

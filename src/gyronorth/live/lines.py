@@ -61,7 +61,7 @@ class Rows:
         """Those that a mask keeps, or at the given places."""
         keep = np.asarray(keep)
         places = np.flatnonzero(keep) if keep.dtype == bool else keep.astype(np.int64)
-        return Rows(self.values[places], [self.lines[i] for i in places])
+        return Rows(self.values[places], [self.lines[i] for i in places.tolist()])
 
     def __add__(self, other: Rows) -> Rows:
         return Rows(np.concatenate([self.values, other.values]), [*self.lines, *other.lines])

@@ -64,7 +64,7 @@ class Session:
         self.status = Status("waiting", source.name, recording=settings.save)
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
         self.error: InputError | None = None  # why the session failed
-        self._source, self._settings = source, settings
+        self._source, self.settings = source, settings
         self._queue: queue.Queue[SourceEvent | Command] = queue.Queue(MOST_PIECES)
         self._stop = Event()
         self._recorder = None if settings.save is None else Recorder(settings.save)
@@ -240,11 +240,11 @@ class Session:
                     rate_hz=rate_hz,
                     latitude=stretch.latitude,
                     accelerometer=accel_b is not None,
-                    sensor=self._settings.sensor,
-                    method=self._settings.method,
+                    sensor=self.settings.sensor,
+                    method=self.settings.method,
                 )
             )
-        bias = self._settings.gyro_bias
+        bias = self.settings.gyro_bias
         self._estimation.put(gyro_b if bias is None else gyro_b - bias, accel_b)
 
     def _begin(self, batch: Batch, why: str, *, timeline: Timeline | None = None) -> Stretch:
@@ -252,7 +252,7 @@ class Session:
         stated, _ = stated_facts(self._reader.stated, self._source.name)
         if self._stretch is not None:  # only the first stretch begins when the stream says
             stated = replace(stated, start_time_utc=None)
-        stretch = Stretch(self._source.name, batch.form, stated, self._settings.reading)
+        stretch = Stretch(self._source.name, batch.form, stated, self.settings.reading)
         if self._stretch is not None:
             self._finish_stretch(held=timeline is None)
             self._past = replace(self._past, restarts=self._past.restarts + 1)
@@ -277,7 +277,7 @@ class Session:
             if rows is not None:
                 self._good += len(rows)
                 self._push(rows)
-                stretch = self._stretch
+                stretch = self._stretch or stretch  # it may be another one now
         self._estimate(stretch, *stretch.end())
         if self._recorder is not None:
             self._recorder.close()
@@ -352,14 +352,13 @@ class Session:
             findings.append(Finding("stalled", message, silent, STALL))
         if self._failure:
             findings.append(Finding("not_computed", self._failure))
-        running = stretch is not None and stretch.rate_hz is not None
         self.status = Status(
             state=self._state,  # type: ignore[arg-type]
             source=self._source.name,
             connected=not self._trouble,
             trouble=self._trouble,
             silent=silent,
-            rate_hz=stretch.rate_hz if running else old.rate_hz,
+            rate_hz=old.rate_hz if stretch is None or stretch.rate_hz is None else stretch.rate_hz,
             seconds=stretch.samples / (stretch.rate_hz or 1.0) if stretch else old.seconds,
             counters=self._counters(),
             last_garbage=self._reader.last_garbage,
