@@ -2,7 +2,8 @@
 
 The lines are those of our CSV: comment lines `# key: value`, a header, rows of numbers. A source
 that sends no header is taken to send t,w_x,w_y,w_z,f_x,f_y,f_z or the leading part of it that
-its number of fields tells; `columns` says otherwise.
+its number of fields tells; `columns` says otherwise. As the first line may be the rest of one, two
+in a row must agree in their number of fields.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}
 NUMERIC = np.isin(np.arange(256, dtype=np.uint8), np.frombuffer(b"0123456789+-.eE, \t", dtype=np.uint8))
 #: Of a bad line this much is shown.
 SHOWN = 60
+#: Different keys of comment lines that are remembered.
+MOST_KEYS = 50
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,13 @@ class LineReader:
     def __init__(self, name: str, options: ReadOptions) -> None:
         self.form: Form | None = None
         self.stated: dict[str, tuple[str, int]] = {}  # comment lines: key -> (value, number of the line)
+        self.statements = 0  # how often one of them said something new
         self.lines = 0  # lines that should have been rows, good and bad
         self.garbage = 0  # of these, bad
         self.last_garbage = ""  # the last bad one, shortened
         self._name, self._options = name, options
         self._rest = b""
+        self._unsure: bytes | None = None  # a row before the form is known
 
     def push(self, data: bytes) -> list[Batch]:
         """The rows that `data` completes."""
@@ -102,7 +107,9 @@ class LineReader:
     def end(self) -> list[Batch]:
         """The last line, which may have no end."""
         rest, self._rest = self._rest, b""
-        return self._batches(rest + b"\n") if rest.strip() else []
+        batches = self._batches(rest + b"\n") if rest.strip() else []
+        self._drop_unsure()
+        return batches
 
     def cut(self) -> None:
         """The connection broke: what is left of a line is no line."""
@@ -118,8 +125,8 @@ class LineReader:
         for line, numeric in zip(data.split(b"\n")[:-1], numeric_lines(data), strict=True):
             if numeric:
                 if self.form is None:
-                    self.form = self._unnamed(line)
-                if self.form is not None and line.count(b",") + 1 == len(self.form.titles):
+                    pending += self._first_rows(line)
+                elif line.count(b",") + 1 == len(self.form.titles):
                     pending.append(line)
                 elif line.strip():
                     self._bad(line)
@@ -165,7 +172,8 @@ class LineReader:
             return
         if text.startswith("#"):
             match = COMMENT.match(text)
-            if match is not None:
+            if match is not None and (match[1] in self.stated or len(self.stated) < MOST_KEYS):
+                self.statements += self.stated.get(match[1], ("", 0))[0] != match[2]
                 self.stated[match[1]] = (match[2], self.lines + 1)
             return
         if not text:
@@ -186,10 +194,29 @@ class LineReader:
         form = _form(found, titles)
         if form != self.form:
             self.form = form
+        self._drop_unsure()
         return True
 
+    def _first_rows(self, line: bytes) -> list[bytes]:
+        """The first two rows of a source without a header; none before the form is known by them."""
+        before, self._unsure = self._unsure, line
+        if before is None:
+            return []
+        if before.count(b",") == line.count(b","):
+            self.form = self._unnamed(line)
+        if self.form is None:
+            self._bad(before)
+            return []
+        self._unsure = None
+        return [before, line]
+
+    def _drop_unsure(self) -> None:
+        if self._unsure is not None:
+            self._bad(self._unsure)
+        self._unsure = None
+
     def _unnamed(self, line: bytes) -> Form | None:
-        """The form of a source whose first line is a row of numbers."""
+        """The form of a source without a header, by one of its rows."""
         width = line.count(b",") + 1
         if self._options.columns:
             return _form(choose_columns(width, self._options.columns, {}, self._name), [""] * width)

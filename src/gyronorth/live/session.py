@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.live.estimation import Estimation, Found
-from gyronorth.live.lines import Batch, LineReader, Rows
+from gyronorth.live.lines import Batch, Form, LineReader, Rows
 from gyronorth.live.recorder import Recorder, utc_now
 from gyronorth.live.sources import Connected, Data, Ended, Lost, Source, SourceEvent
 from gyronorth.live.status import Counters, Mark, Status
@@ -20,6 +20,7 @@ from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
 from gyronorth.readers.delimited import stated_facts
 from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.source import Facts
 from gyronorth.recording import InputError
 from gyronorth.sensor import Sensor
 from gyronorth.streaming import StreamingHeading
@@ -63,7 +64,7 @@ class Session:
     def __init__(self, source: Source, settings: Settings) -> None:
         self.status = Status("waiting", source.name, recording=settings.save)
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
-        self.error: InputError | None = None  # why the session failed
+        self.error: Exception | None = None  # why the session failed
         self._source, self.settings = source, settings
         self._queue: queue.Queue[SourceEvent | Command] = queue.Queue(MOST_PIECES)
         self._stop = Event()
@@ -77,6 +78,10 @@ class Session:
         self._connections = self._stalls = 0
         self._last_data = time.monotonic()
         self._broken = False  # the connection broke since the last row
+        self._facts: Facts | None = None  # that the stream stated when the last stretch began
+        self._statements = 0  # of the reader, at that time
+        self._usable = True  # whether samples can be made of the rows of the stretch
+        self._proven = False  # whether they could be of any
         self._marks: list[Mark] = []
         self._found: Found | None = None
         self._failure: str | None = None  # of the estimator
@@ -117,19 +122,26 @@ class Session:
                 self._publish()
                 if self._queue.empty():
                     self._stop.wait(max(0.0, begun + BATCH - time.monotonic()))
+            if self._state != "failed":
+                self._take(self._waiting(timeout=0.0))
+                self._finish_stretch()
+        except Exception as error:  # a fault of ours: what was recorded stays, and the command shows it
+            self._fail(error)
         finally:
-            self._finish_stretch()
+            if self._recorder is not None:
+                self._recorder.close()
             self._estimation.end()
             self._publish()
             self.ended.set()
 
-    def _waiting(self) -> list[SourceEvent | Command]:
+    def _waiting(self, *, timeout: float = 0.1) -> list[SourceEvent | Command]:
         """What has come from the source and the page; waits for the first."""
+        events: list[SourceEvent | Command] = []
         try:
-            events = [self._queue.get(timeout=0.1)]
+            events.append(self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait())
         except queue.Empty:
             return []
-        while len(events) < MOST_PIECES:
+        while len(events) <= MOST_PIECES:
             try:
                 events.append(self._queue.get_nowait())
             except queue.Empty:
@@ -201,6 +213,8 @@ class Session:
             stretch = self._begin(batch, "the columns changed" if stretch else "")
         elif self._broken and not batch.form.time:
             stretch = self._begin(batch, "the connection broke, and without a time column the gap is unknown")
+        elif self._reader.statements != self._statements and self._stated_anew():
+            stretch = self._begin(batch, "the stream states another unit, rate, place or session")
         self._broken = False
         usable = stretch.usable(batch.rows)
         self._implausible += int(len(usable) - usable.sum())
@@ -216,22 +230,33 @@ class Session:
         """Rows to the grid and to the disk; what cannot be bridged begins a new stretch."""
         stretch = self._stretch
         assert stretch is not None
-        try:
-            samples = stretch.push(rows)
-        except InputError as error:
-            if stretch.samples == 0:
-                raise
-            stretch = self._begin(Batch(stretch.form, rows), str(error), timeline=self._timeline)
-            samples = stretch.push(rows)
+        samples = self._samples(stretch, rows) if self._usable else None
+        if samples is None and self._usable:
+            stretch = self._begin(Batch(stretch.form, rows), self._message, timeline=self._timeline)
+            samples = self._samples(stretch, rows)
         if self._recorder is not None:
             self._recorder.rows(rows)
-        self._estimate(stretch, *samples)
+        if samples is not None:
+            self._estimate(stretch, *samples)
+
+    def _samples(self, stretch: Stretch, rows: Rows) -> tuple[Array, Array | None] | None:
+        """Samples of rows; None where they do not go on from those before, or are of no use from the first on."""
+        try:
+            return stretch.push(rows)
+        except InputError as error:
+            if stretch.samples == 0:
+                if not self._proven:
+                    raise  # nothing has come of this stream yet: it was declared wrongly
+                self._usable = False
+            self._message = f"No heading from here on: {error}" if stretch.samples == 0 else str(error)
+            return None
 
     def _estimate(self, stretch: Stretch, gyro_b: Array, accel_b: Array | None) -> None:
         if len(gyro_b) == 0:
             return
         rate_hz = stretch.rate_hz
         assert rate_hz is not None
+        self._proven = True
         if stretch.samples == len(gyro_b):
             if self._recorder is not None:
                 self._recorder.rate(rate_hz)
@@ -249,14 +274,11 @@ class Session:
 
     def _begin(self, batch: Batch, why: str, *, timeline: Timeline | None = None) -> Stretch:
         """A new stretch, with a recording of its own."""
-        stated, _ = stated_facts(self._reader.stated, self._source.name)
-        if self._stretch is not None:  # only the first stretch begins when the stream says
-            stated = replace(stated, start_time_utc=None)
-        stretch = Stretch(self._source.name, batch.form, stated, self.settings.reading)
+        stretch = self._new_stretch(batch.form)
         if self._stretch is not None:
             self._finish_stretch(held=timeline is None)
             self._past = replace(self._past, restarts=self._past.restarts + 1)
-            self._message = f"Started anew: {why}."
+            self._message = f"Started anew: {why}" + ("" if why.endswith(".") else ".")
         self._stretch = stretch
         if timeline is None:
             timeline = Timeline(stretch.declared.rate_hz) if batch.form.time else None
@@ -265,7 +287,34 @@ class Session:
             self._recorder.begin(stretch, self._source.name, start_time_utc=utc_now() if self._source.live else None)
         self._estimation.begin(None)
         self._state, self._marks, self._found, self._failure = "running", [], None, None
+        self._usable = True
         return stretch
+
+    def _new_stretch(self, form: Form) -> Stretch:
+        """A stretch by what the stream states now or, where that does not hold, by what it stated before."""
+        name, reading, known = self._source.name, self.settings.reading, self._facts
+        self._statements = self._reader.statements
+        try:
+            stated, _ = stated_facts(self._reader.stated, name)
+            if known is not None:  # only the first stretch begins when the stream says
+                stated = replace(stated, start_time_utc=None)
+            stretch = Stretch(name, form, stated, reading)
+        except InputError:
+            if known is None:
+                raise
+            stated, stretch = known, Stretch(name, form, known, reading)
+        self._facts = replace(stated, start_time_utc=None)
+        return stretch
+
+    def _stated_anew(self) -> bool:
+        """Whether the comment lines of the stream now mean something else, and hold."""
+        self._statements = self._reader.statements
+        try:
+            stated, _ = stated_facts(self._reader.stated, self._source.name)
+        except InputError as error:
+            self._message = f"What the stream now states is left aside: {error}"
+            return False
+        return replace(stated, start_time_utc=None) != self._facts
 
     def _finish_stretch(self, *, held: bool = True) -> None:
         """What is still held goes to the disk and the estimator, and the file is closed."""
@@ -278,7 +327,11 @@ class Session:
                 self._good += len(rows)
                 self._push(rows)
                 stretch = self._stretch or stretch  # it may be another one now
-        self._estimate(stretch, *stretch.end())
+        try:
+            if self._usable:
+                self._estimate(stretch, *stretch.end())
+        except InputError as error:  # too few rows to know their rate
+            self._message = str(error)
         if self._recorder is not None:
             self._recorder.close()
         counters = self._counters()
@@ -317,7 +370,7 @@ class Session:
                 self._stalls += 1
             self._trouble = "stalled" if self._state == "running" else "no data yet (stalled)"
 
-    def _fail(self, error: InputError) -> None:
+    def _fail(self, error: Exception) -> None:
         self._state, self.error, self._message = "failed", error, str(error)
 
     def _estimated(self, found: Found | None, failure: str | None) -> None:
