@@ -3,7 +3,8 @@
 The lines are those of our CSV: comment lines `# key: value`, a header, rows of numbers. A source
 that sends no header is taken to send t,w_x,w_y,w_z,f_x,f_y,f_z or the leading part of it that
 its number of fields tells; `columns` says otherwise. As the first line may be the rest of one, two
-in a row must agree in their number of fields.
+in a row must agree in their number of fields. Comments count where they stand right before the
+header or the first row: one between rows may be garbage.
 """
 
 from __future__ import annotations
@@ -91,6 +92,7 @@ class LineReader:
         self._name, self._options = name, options
         self._rest = b""
         self._unsure: bytes | None = None  # a row before the form is known
+        self._heard: dict[str, tuple[str, int]] = {}  # comments since the last row
 
     def push(self, data: bytes) -> list[Batch]:
         """The rows that `data` completes."""
@@ -120,6 +122,7 @@ class LineReader:
     def _batches(self, data: bytes) -> list[Batch]:
         batches: list[Batch] = []
         if self.form is not None and self._regular(data, self.form):
+            self._heard.clear()
             return self._parsed(data.split(b"\n")[:-1], self.form)
         pending: list[bytes] = []
         for line, numeric in zip(data.split(b"\n")[:-1], numeric_lines(data), strict=True):
@@ -127,6 +130,7 @@ class LineReader:
                 if self.form is None:
                     pending += self._first_rows(line)
                 elif line.count(b",") + 1 == len(self.form.titles):
+                    self._heard.clear()
                     pending.append(line)
                 elif line.strip():
                     self._bad(line)
@@ -170,11 +174,10 @@ class LineReader:
         except UnicodeDecodeError:
             self._bad(line)
             return
-        if text.startswith("#"):
+        if text.startswith("#") and text.replace("\t", " ").isprintable():
             match = COMMENT.match(text)
-            if match is not None and (match[1] in self.stated or len(self.stated) < MOST_KEYS):
-                self.statements += self.stated.get(match[1], ("", 0))[0] != match[2]
-                self.stated[match[1]] = (match[2], self.lines + 1)
+            if match is not None and len(self._heard) < MOST_KEYS:
+                self._heard[match[1]] = (match[2], self.lines + 1)
             return
         if not text:
             return
@@ -194,6 +197,7 @@ class LineReader:
         form = _form(found, titles)
         if form != self.form:
             self.form = form
+        self._state()
         self._drop_unsure()
         return True
 
@@ -208,7 +212,16 @@ class LineReader:
             self._bad(before)
             return []
         self._unsure = None
+        self._state()
         return [before, line]
+
+    def _state(self) -> None:
+        """What the comments said before the header, or the first rows, holds."""
+        for key, (value, number) in self._heard.items():
+            if self.stated.get(key, ("", 0))[0] != value and (key in self.stated or len(self.stated) < MOST_KEYS):
+                self.stated[key] = (value, number)
+                self.statements += 1
+        self._heard.clear()
 
     def _drop_unsure(self) -> None:
         if self._unsure is not None:
