@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 #: Options of reading that a line of a stream needs.
 DECLARED = ("latitude", "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns")
 PAGE = "Page"
+#: Whether the session is over is looked at so often, s.
+LOOKS = 0.1
 
 
 @app.command()
@@ -146,8 +148,10 @@ def live(
 
 def _page(session: Session, *, host: str, port: int, token: str | None) -> Any:
     """The server of the page, listening already."""
+    from gyronorth.live.access import check_access
     from gyronorth.recording import InputError
 
+    check_access(host, token)
     try:
         from gyronorth.live.serving import PageServer
     except ImportError as error:
@@ -160,11 +164,11 @@ def _page(session: Session, *, host: str, port: int, token: str | None) -> Any:
 def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, interval: float) -> int:
     """Until the source ends, or the user ends it."""
     import signal
+    import time
     from threading import Event
 
-    finish = Event()
-    for number_ in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number_, lambda *_: finish.set())
+    finish, due = Event(), time.monotonic() + interval
+    before = {sign: signal.signal(sign, lambda *_: finish.set()) for sign in (signal.SIGINT, signal.SIGTERM)}
     session.start()
     if out is not None:
         out.start()
@@ -172,15 +176,18 @@ def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, i
         server.start()
         print(f"page: {server.url}", file=sys.stderr, flush=True)
     try:
-        while not finish.wait(interval):
-            if as_json:
+        while not finish.wait(min(interval, LOOKS)):
+            if as_json and time.monotonic() >= due:
                 _print(session)
+                due = max(due + interval, time.monotonic())
             if session.error is not None or (server is None and session.ended.is_set()):
                 break
             if server is not None and server.failed:
                 break
     finally:
         session.close()
+        for sign, handler in before.items():
+            signal.signal(sign, handler)
         if out is not None:
             out.close()
         if server is not None:

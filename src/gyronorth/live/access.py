@@ -14,6 +14,8 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
+from gyronorth.recording import InputError
+
 COOKIE = "gyronorth_live"
 _REFUSED = (
     "<!DOCTYPE html><html lang=en><meta name=viewport content='width=device-width'><title>gyronorth live</title>"
@@ -28,6 +30,21 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def check_access(host: str, token: str | None) -> None:
+    """Refuse to serve other machines without a token.
+
+    Raises
+    ------
+    InputError
+        If the page could be reached from elsewhere and there is no token.
+    """
+    if not is_loopback(host) and not token:
+        raise InputError(
+            f"--host {host}: the page could be reached from other machines. Pass --token TEXT (or set "
+            "GYRONORTH_TOKEN), which whoever opens the page must know."
+        )
 
 
 class Access:

@@ -105,7 +105,7 @@ class _Actions:
         if name == "save":
             await self._save()
             return
-        self._session.command(name)
+        await asyncio.to_thread(self._session.command, name)
         ui.notify({"start": "Started anew.", "stop": "Stopped.", "mark": "Marked."}[name], position="top")
 
     async def key(self, event: events.KeyEventArguments) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from threading import Thread
+from urllib.parse import urlencode
 
 import uvicorn
 from fastapi import FastAPI
@@ -23,23 +24,17 @@ class PageServer:
     Raises
     ------
     InputError
-        If the address cannot be used, or can be reached from elsewhere and there is no token.
+        If the address cannot be used.
     """
 
     def __init__(self, session: Session, *, host: str, port: int, token: str | None) -> None:
-        loopback = is_loopback(host)
-        if not loopback and not token:
-            raise InputError(
-                f"--host {host}: the page could be reached from other machines. Pass --token TEXT (or set "
-                "GYRONORTH_TOKEN), which whoever opens the page must know."
-            )
         self._socket = _listening(host, port)
         shown = f"[{host}]" if ":" in host else host
-        query = f"/?token={token}" if token else "/"
+        query = f"/?{urlencode({'token': token})}" if token else "/"
         self.url = f"http://{shown}:{self._socket.getsockname()[1]}{query}"
         app = _application(session)
         config = uvicorn.Config(
-            Access(app, token=token or None, loopback=loopback),
+            Access(app, token=token or None, loopback=is_loopback(host)),
             log_level="warning",
             access_log=False,
             timeout_graceful_shutdown=1,

@@ -72,6 +72,7 @@ class Session:
         self._estimation = Estimation(self._estimated)
         self._reader = LineReader(source.name, settings.reading)
         self._stretch: Stretch | None = None
+        self._shown: Stretch | None = None  # the present one or, until the next begins, the last
         self._timeline: Timeline | None = None
         self._past = Counters()  # of the stretches behind
         self._good = self._implausible = 0
@@ -171,7 +172,7 @@ class Session:
                     self._end_of_source()
                 case Command("start"):
                     self._finish_stretch()
-                    self._state, self._found, self._failure = "waiting", None, None
+                    self._state, self._shown, self._found, self._failure = "waiting", None, None, None
                 case Command("stop"):
                     self._finish_stretch()
                     self._estimation.flush()
@@ -279,7 +280,7 @@ class Session:
             self._finish_stretch(held=timeline is None)
             self._past = replace(self._past, restarts=self._past.restarts + 1)
             self._message = f"Started anew: {why}" + ("" if why.endswith(".") else ".")
-        self._stretch = stretch
+        self._stretch = self._shown = stretch
         if timeline is None:
             timeline = Timeline(stretch.declared.rate_hz) if batch.form.time else None
         self._timeline = timeline
@@ -396,10 +397,9 @@ class Session:
         )
 
     def _publish(self) -> None:
-        stretch, recorder, old = self._stretch, self._recorder, self.status
+        stretch, recorder = self._shown, self._recorder
         silent = time.monotonic() - self._last_data
-        findings = list(stretch.findings() if stretch else old.findings if self._state in ("stopped", "ended") else ())
-        findings = [finding for finding in findings if finding.code != "stalled"]
+        findings = list(stretch.findings() if stretch else ())
         if self._state == "running" and self._trouble:
             message = f"No data for {silent:.0f} s ({self._trouble}): the unit may have moved since."
             findings.append(Finding("stalled", message, silent, STALL))
@@ -411,8 +411,8 @@ class Session:
             connected=not self._trouble,
             trouble=self._trouble,
             silent=silent,
-            rate_hz=old.rate_hz if stretch is None or stretch.rate_hz is None else stretch.rate_hz,
-            seconds=stretch.samples / (stretch.rate_hz or 1.0) if stretch else old.seconds,
+            rate_hz=stretch.rate_hz if stretch else None,
+            seconds=stretch.samples / (stretch.rate_hz or 1.0) if stretch else 0.0,
             counters=self._counters(),
             last_garbage=self._reader.last_garbage,
             found=self._found,
@@ -422,5 +422,5 @@ class Session:
             recording=None if recorder is None else recorder.path,
             recording_bytes=0 if recorder is None else recorder.bytes,
             recording_error=None if recorder is None else recorder.error,
-            heading_true=stretch.declared.heading_true if stretch else old.heading_true,
+            heading_true=stretch.declared.heading_true if stretch else None,
         )

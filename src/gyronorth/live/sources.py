@@ -6,6 +6,7 @@ and serial sources come back by themselves when the connection breaks.
 
 from __future__ import annotations
 
+import os
 import re
 import socket
 import sys
@@ -188,6 +189,13 @@ class SerialPort:
             import serial
         except ImportError:
             raise InputError("A serial port needs pyserial: install gyronorth[live].") from None
+        if Path(device).exists() and not os.access(device, os.R_OK | os.W_OK):
+            raise InputError(
+                f"SOURCE {name}: {device} may not be opened by this user. On Debian: sudo adduser $USER dialout, and "
+                "log in again."
+            )
+        if not Path(device).exists() and not Path(device).parent.is_dir():
+            raise InputError(f"SOURCE {name}: there is no device {device}; example: serial:/dev/ttyUSB0:115200.")
         self.name, self._device, self._baud, self._serial = name, device, baud, serial
 
     def run(self, emit: Emit, stop: Event) -> None:
