@@ -78,18 +78,20 @@ class Estimation:
             self._condition.wait_for(lambda: not self._flushing or not self._thread.is_alive(), timeout=60)
 
     def _run(self) -> None:
-        pause = INTERVAL
+        due = 0.0
         while True:
             with self._condition:
-                self._condition.wait_for(lambda: self._ending or self._flushing, timeout=pause)
+                self._condition.wait_for(lambda: self._ending or self._flushing, timeout=INTERVAL)
                 ending, flushing = self._ending, self._flushing
                 present = self._present
                 waiting, self._waiting, self._count = self._waiting, [], 0
                 self._condition.notify_all()
-            begun = time.thread_time()
-            if present is not None and (waiting or ending or flushing):
-                self._work(present, waiting)
-            pause = max(INTERVAL, (time.thread_time() - begun) / SHARE)
+            if present is not None:
+                self._add(present, waiting)
+                if ending or flushing or (waiting and time.monotonic() >= due):
+                    begun = time.thread_time()
+                    self._estimate(present)
+                    due = time.monotonic() + (time.thread_time() - begun) / SHARE
             if flushing:
                 with self._condition:
                     self._flushing = False
@@ -97,11 +99,14 @@ class Estimation:
             if ending:
                 return
 
-    def _work(self, heading: StreamingHeading, waiting: list[tuple[Array, Array | None]]) -> None:
+    @staticmethod
+    def _add(heading: StreamingHeading, waiting: list[tuple[Array, Array | None]]) -> None:
         if waiting:
             gyro = np.concatenate([gyro for gyro, _ in waiting])
             parts = [accel for _, accel in waiting if accel is not None]
             heading.add(gyro, np.concatenate(parts) if parts else None)
+
+    def _estimate(self, heading: StreamingHeading) -> None:
         if heading.duration == 0:
             return
         found, failure = None, None

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from threading import Event, Thread
 
+from gyronorth.live.binding import bound_socket
 from gyronorth.live.status import Status
 from gyronorth.recording import InputError
 from gyronorth.report.nmea import no_heading, sentences
@@ -71,16 +72,14 @@ class NmeaOut:
         self._stop = Event()
         self._clients: dict[socket.socket, bytes] = {}
         self._selector = selectors.DefaultSelector()
-        kind = socket.SOCK_STREAM if target.kind == "tcp" else socket.SOCK_DGRAM
         self._tcp = target.kind == "tcp"
         try:
-            family, _, _, _, self._address = socket.getaddrinfo(target.host, target.port, type=kind)[0]
-            self._socket = socket.socket(family, kind)
             if self._tcp:
-                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                self._socket.bind(self._address)
-                self._socket.listen()
+                self._socket = bound_socket(target.host, target.port, socket.SOCK_STREAM)
             else:
+                place = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_DGRAM)[0]
+                self._address = place[4]
+                self._socket = socket.socket(place[0], socket.SOCK_DGRAM)
                 self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         except OSError as error:
             why = error.strerror or error

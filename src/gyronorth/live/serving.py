@@ -13,6 +13,7 @@ from nicegui import ui
 
 from gyronorth.live import page
 from gyronorth.live.access import Access, is_loopback
+from gyronorth.live.binding import bound_socket
 from gyronorth.live.reporting import report_text
 from gyronorth.live.session import Session
 from gyronorth.recording import InputError
@@ -60,17 +61,12 @@ class PageServer:
 
 def _listening(host: str, port: int) -> socket.socket:
     try:
-        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        listener = socket.socket(family, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen()
+        return bound_socket(host, port, socket.SOCK_STREAM)
     except OSError as error:
         cure = (
             "another program has it; choose another one with --port, or 0 for any free one" if port else "check --host"
         )
         raise InputError(f"The page cannot listen on {host}:{port} ({error.strerror or error}): {cure}.") from None
-    return listener
 
 
 def _application(session: Session) -> FastAPI:

@@ -34,6 +34,8 @@ BATCH = 0.05
 STALL = 2.0
 #: Pieces of the source that may wait, of at most 64 kB each.
 MOST_PIECES = 256
+#: Bytes that are parsed at a time, about: parsing needs some times their room.
+MOST_BYTES = 1 << 18
 #: Marks that are kept for the page.
 MOST_MARKS = 50
 
@@ -123,8 +125,9 @@ class Session:
                 self._publish()
                 if self._queue.empty():
                     self._stop.wait(max(0.0, begun + BATCH - time.monotonic()))
+            while self._state != "failed" and (rest := self._waiting(timeout=0.0)):
+                self._take(rest)
             if self._state != "failed":
-                self._take(self._waiting(timeout=0.0))
                 self._finish_stretch()
         except Exception as error:  # a fault of ours: what was recorded stays, and the command shows it
             self._fail(error)
@@ -142,7 +145,7 @@ class Session:
             events.append(self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait())
         except queue.Empty:
             return []
-        while len(events) <= MOST_PIECES:
+        while sum(len(event.bytes) for event in events if isinstance(event, Data)) < MOST_BYTES:
             try:
                 events.append(self._queue.get_nowait())
             except queue.Empty:

@@ -16,6 +16,7 @@ from pathlib import Path
 from threading import Event
 from typing import Protocol
 
+from gyronorth.live.binding import bound_socket
 from gyronorth.readers.options import ReadOptions
 from gyronorth.recording import InputError
 
@@ -156,10 +157,7 @@ class UdpListener:
     def __init__(self, name: str, host: str, port: int) -> None:
         self.name = name
         try:
-            family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            self._socket = socket.socket(family, socket.SOCK_DGRAM)
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_ROOM)
-            self._socket.bind(address)
+            self._socket = bound_socket(host, port, socket.SOCK_DGRAM, receive=DATAGRAM_ROOM)
         except OSError as error:
             raise InputError(f"SOURCE {name}: cannot listen there: {error.strerror or error}.") from None
 
