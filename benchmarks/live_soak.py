@@ -98,11 +98,11 @@ def play(server: socket.socket, rows: list[bytes], sent: Sent, over: threading.E
 
 
 def watch(process: subprocess.Popen[str], samples: list[tuple[float, float]], over: threading.Event) -> None:
-    """Note (seconds, MB) of a process until it is over."""
-    begun, page = time.monotonic(), os.sysconf("SC_PAGE_SIZE")
+    """Note (time in s, MB) of a process until it is over."""
+    page = os.sysconf("SC_PAGE_SIZE")
     while process.poll() is None and not over.wait(0.25):
         pages = int(Path(f"/proc/{process.pid}/statm").read_text().split()[1])
-        samples.append((time.monotonic() - begun, pages * page / 1e6))
+        samples.append((time.monotonic(), pages * page / 1e6))
 
 
 def cpu_seconds(pid: int) -> float:
@@ -144,8 +144,8 @@ def soak(folder: Path, *, minutes: float, speed: float) -> dict[str, float | int
     reader.join()
     player.join()
     server.close()
-    print([(round(a), round(b)) for a, b in memory[::4]], file=sys.stderr)
-    return _figures(answers[-1], sent, saved, memory, share=share, settled=SETTLED / speed)
+    print([(round(a), round(b)) for a, b in memory[::4] if a > begun], file=sys.stderr)
+    return _figures(answers[-1], sent, saved, memory, share=share, settled=begun + SETTLED / speed)
 
 
 def _figures(
@@ -154,8 +154,7 @@ def _figures(
     kept = [line for line in saved.read_bytes().split(b"\n") if line and line[:1] not in b"#t"]
     offline = heading(read(saved), sensor=SENSOR)
     assert offline.heading is not None
-    start = next((at for at, mb in memory if mb > 0.7 * memory[-1][1]), 0.0)  # it has started and imported
-    flat = [mb for at, mb in memory if at >= start + max(settled, 5.0)]
+    flat = [mb for at, mb in memory if at >= settled]
     live = last["live"]
     return {
         "rows_sent": len(sent.good),
@@ -168,7 +167,7 @@ def _figures(
         "reconnects": live["reconnects"],
         "restarts": live["restarts"],
         "memory_mb": round(memory[-1][1], 1),
-        "memory_growth_mb": round(max(flat) - flat[0], 1) if flat else -1.0,
+        "memory_growth_mb": round(max(flat, default=0.0) - min(flat, default=0.0), 1),
         "share_of_a_core": round(share, 3),
         "heading_deg": last["heading_deg"],
         "offline_heading_deg": degrees(offline.heading),

@@ -24,7 +24,7 @@ from gyronorth.report.wording import heading_text, interval_text
 Array = NDArray[np.float64]
 
 #: Size of a chart in its own units, and the place of its axes.
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 480.0, 210.0, 46.0, 8.0, 10.0, 24.0
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 480.0, 220.0, 62.0, 8.0, 12.0, 30.0
 #: Points that are drawn of a trace.
 DRAWN = 240
 
@@ -61,7 +61,7 @@ def compass(status: Status) -> str:
 
 
 _NEEDLE = '<path d="M0 -80 L7 -60 L2 -62 L2 30 L-2 30 L-2 -62 L-7 -60 Z"/>'
-_TRUTH = ((0, 0), (-3, -9), (3, -9))
+_TRUTH = ((0, 0), (-3.5, 10), (3.5, 10))
 
 
 def heading_chart(found: Found | None) -> str:
@@ -149,8 +149,8 @@ def _chart(label: str, end: float, marks: list[tuple[float, str]], parts: list[s
     for value in _round_steps(end / unit):
         if value >= 0:
             place = float(x(np.array(value * unit)))
-            grid.append(f'<text x="{place:.1f}" y="{HEIGHT - 8}" class="axis middle">{value:g}</text>')
-    grid.append(f'<text x="{WIDTH - RIGHT}" y="{HEIGHT - 8}" class="axis end">{name}</text>')
+            grid.append(f'<text x="{place:.1f}" y="{HEIGHT - 11}" class="axis middle">{value:g}</text>')
+    grid.append(f'<text x="{WIDTH - RIGHT}" y="{HEIGHT - 11}" class="axis end">{name}</text>')
     return _frame(label, "".join(grid + parts))
 
 
@@ -186,7 +186,7 @@ def _stretches(valid: NDArray[np.bool_], off: Array, flag: bool) -> list[tuple[i
 
 def _round_steps(reach: float) -> list[float]:
     """Round values from -reach to reach, about three on either side of zero."""
-    raw = reach / 2.5
+    raw = reach / 3
     power = 10.0 ** floor(log10(raw))
     step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= raw)
     most = floor(reach / step)

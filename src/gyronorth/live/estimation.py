@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 #: Estimates are this far apart, s, and take at most this share of one core.
 INTERVAL, SHARE = 1.0, 0.1
 #: Samples that may wait; the source waits with them.
-MOST_WAITING = 200_000
+MOST_WAITING = 60_000
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Estimation:
         self._count = 0
         self._present: StreamingHeading | None = None
         self._ending = self._flushing = False
+        self._due = 0.0  # when the next estimate is made
         self._thread = Thread(target=self._run, name="estimation", daemon=True)
 
     def start(self) -> None:
@@ -52,6 +53,7 @@ class Estimation:
         """Forget what waits and estimate afresh with this; None: not before the next call."""
         with self._condition:
             self._waiting, self._count, self._present = [], 0, heading
+            self._due = time.monotonic() + INTERVAL
             self._condition.notify_all()
 
     def put(self, gyro_b: Array, accel_b: Array | None) -> None:
@@ -78,7 +80,6 @@ class Estimation:
             self._condition.wait_for(lambda: not self._flushing or not self._thread.is_alive(), timeout=60)
 
     def _run(self) -> None:
-        due = 0.0
         while True:
             with self._condition:
                 self._condition.wait_for(lambda: self._ending or self._flushing, timeout=INTERVAL)
@@ -88,10 +89,10 @@ class Estimation:
                 self._condition.notify_all()
             if present is not None:
                 self._add(present, waiting)
-                if ending or flushing or (waiting and time.monotonic() >= due):
+                if ending or flushing or (waiting and time.monotonic() >= self._due):
                     begun = time.thread_time()
                     self._estimate(present)
-                    due = time.monotonic() + (time.thread_time() - begun) / SHARE
+                    self._due = time.monotonic() + (time.thread_time() - begun) / SHARE
             if flushing:
                 with self._condition:
                     self._flushing = False

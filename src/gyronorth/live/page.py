@@ -16,6 +16,8 @@ from gyronorth.live.session import Session
 
 #: Redrawn so often, s.
 REDRAWN = 1.0
+#: What a button did is shown after so long, s.
+SHOWN_AFTER = 0.3
 #: Where the files of a session can be had.
 RECORDING_URL, REPORT_URL = "/recording", "/report"
 #: Key -> what it does, as the page says it.
@@ -30,7 +32,7 @@ def build(session: Session) -> None:
     with ui.element("main").classes("gn"):
         with ui.element("div").classes("top"):
             ui.html("<h1>gyronorth live</h1>", sanitize=False)
-            ui.button("Dark / light", on_click=lambda: _toggle(dark)).props(
+            ui.button("Dark / light", on_click=lambda: _toggle(dark), color=None).props(
                 'flat dense no-caps aria-label="Dark or light"'
             )
         pictures = [_Picture(wording.verdict, session)]
@@ -50,7 +52,6 @@ def build(session: Session) -> None:
             pictures.append(_Picture(_titled("What came", wording.counters), session))
         keys = ", ".join(f"<kbd>{key}</kbd> {name}" for key, name in KEYS.items())
         ui.html(f'<p class="faint">Keys: {keys}.</p>', sanitize=False)
-    actions.saved = saved
     ui.keyboard(on_key=actions.key, ignore=["input", "textarea"], repeating=False)
 
     def redraw() -> None:
@@ -61,6 +62,7 @@ def build(session: Session) -> None:
             said.set_content(text)
         actions.enable()
 
+    actions.saved, actions.redraw = saved, redraw
     redraw()
     ui.timer(REDRAWN, redraw)
 
@@ -82,6 +84,7 @@ class _Actions:
     """What the buttons and the keys do."""
 
     saved: ui.html
+    redraw: Callable[[], None]
 
     def __init__(self, session: Session, dark: ui.dark_mode) -> None:
         self._session, self._dark = session, dark
@@ -107,6 +110,8 @@ class _Actions:
             return
         await asyncio.to_thread(self._session.command, name)
         ui.notify({"start": "Started anew.", "stop": "Stopped.", "mark": "Marked."}[name], position="top")
+        await asyncio.sleep(SHOWN_AFTER)
+        self.redraw()
 
     async def key(self, event: events.KeyEventArguments) -> None:
         modified = event.modifiers.ctrl or event.modifiers.alt or event.modifiers.meta
@@ -140,7 +145,7 @@ def _buttons(session: Session, dark: ui.dark_mode) -> _Actions:
     with ui.element("div").classes("buttons").props('role="group" aria-label="Session"'):
         for name, label in labels.items():
             key = next(key for key, does in KEYS.items() if does == name)
-            with ui.button(on_click=partial(actions.do, name)) as button:
+            with ui.button(on_click=partial(actions.do, name), color=None) as button:
                 ui.html(label, sanitize=False, tag="span")
             button.props(f'aria-label="{name.capitalize()} (key {key})" aria-keyshortcuts="{key}" no-caps')
             actions.buttons[name] = button

@@ -33,7 +33,7 @@ BATCH = 0.05
 #: A source that sends nothing for so long, s, has stalled.
 STALL = 2.0
 #: Pieces of the source that may wait, of at most 64 kB each.
-MOST_PIECES = 256
+MOST_PIECES = 64
 #: Bytes that are parsed at a time, about: parsing needs some times their room.
 MOST_BYTES = 1 << 18
 #: Marks that are kept for the page.

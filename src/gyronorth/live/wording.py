@@ -39,7 +39,7 @@ def verdict_short(status: Status) -> str:
     if status.state == "failed":
         return f"stopped: {status.message}"
     if estimate is None:
-        return "no heading yet"
+        return "invalid: too short" if status.state == "running" else "no heading yet"
     if estimate.valid:
         return "valid"
     return "invalid: " + ", ".join(dict.fromkeys(SHORT.get(reason.code, reason.code) for reason in estimate.reasons))
