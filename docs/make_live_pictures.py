@@ -14,7 +14,7 @@ from math import radians
 from pathlib import Path
 
 import numpy as np
-from matplotlib.image import imread, imsave
+from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
 from gyronorth.readers import write
@@ -22,20 +22,19 @@ from gyronorth.simulation import Motion, simulate
 
 IMAGES = Path(__file__).parent / "images"
 SENSOR, LATITUDE, HEADING, RATE_HZ, SEED = "sdc500", radians(32.11), radians(40), 100.0, 20260501
-SPEED = 30
+RECORDING, SPEED = "turned.csv", 30
 DESK, PHONE = (1180, 900), (390, 844)
-LEVELS = 24  # of each colour, so that the files are small
+COLOURS = 96  # so that the files are small
 
 
-def recording(folder: Path) -> Path:
+def recording(folder: Path) -> None:
     """Five minutes in one direction, a turn by 180 deg, five minutes in the other."""
     motion = Motion(turns=((300.0, 20.0, radians(180)),), smooth=True)
-    path, rng = folder / "turned.csv", np.random.default_rng(SEED)
+    path, rng = folder / RECORDING, np.random.default_rng(SEED)
     write(
         simulate(SENSOR, latitude=LATITUDE, heading=HEADING, duration=620, rate_hz=RATE_HZ, rng=rng, motion=motion),
         path,
     )
-    return path
 
 
 def photograph(browser: Browser, url: str, name: str, *, size: tuple[int, int], scheme: str) -> None:
@@ -52,8 +51,7 @@ def photograph(browser: Browser, url: str, name: str, *, size: tuple[int, int], 
     page.wait_for_timeout(500)
     page.screenshot(path=path, full_page=True)
     context.close()
-    pixels = np.round(imread(path)[:, :, :3] * (LEVELS - 1)) / (LEVELS - 1)
-    imsave(path, pixels, pil_kwargs={"optimize": True})
+    Image.open(path).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
     print(path, f"{path.stat().st_size / 1000:.0f} kB")
 
 
@@ -65,8 +63,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         folder = Path(name)
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        command = [sys.executable, "-m", "gyronorth.cli", "live", str(recording(folder)), "--sensor", SENSOR]
-        command += ["--speed", str(SPEED), "--save", str(folder / "north.csv"), "--port", "0"]
+        recording(folder)
+        command = [sys.executable, "-m", "gyronorth.cli", "live", RECORDING, "--sensor", SENSOR]
+        command += ["--speed", str(SPEED), "--save", "north.csv", "--port", "0"]
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=folder)
         assert process.stderr is not None
         url = process.stderr.readline().split()[1]

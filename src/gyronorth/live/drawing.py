@@ -25,6 +25,10 @@ Array = NDArray[np.float64]
 
 #: Size of a chart in its own units, and the place of its axes.
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 480.0, 220.0, 62.0, 8.0, 12.0, 30.0
+#: Of a heading trace, what lies within so many degrees of the present heading is drawn.
+FACING = 45.0
+#: Room that the text of a mark needs, in the chart's units.
+LINE = 18.0
 #: Points that are drawn of a trace.
 DRAWN = 240
 
@@ -74,17 +78,22 @@ def heading_chart(found: Found | None) -> str:
     off = (np.degrees(heading) - last + 180) % 360 - 180
     half = np.degrees(half)
     recent = time >= 0.2 * time[-1]
+    near = np.abs(off) <= (FACING if half[-1] < FACING else 180.0)  # else the unit faced another way
+    recent &= near
     reach = float(np.max(np.abs(off[recent]) + np.minimum(half[recent], 3 * half[-1]), initial=0.05))
     reach = min(1.1 * reach, 180.0)
     x, y = _axis_x(time[-1]), _axis_y(-reach, reach)
-    upper, lower = y(np.clip(off + half, -reach, reach)), y(np.clip(off - half, -reach, reach))
-    band = _points(np.concatenate([x(time), x(time)[::-1]]), np.concatenate([upper, lower[::-1]]))
-    parts = [f'<polygon points="{band}" class="band"/>']
-    for flag, style in ((False, "line invalid"), (True, "line valid")):
-        parts += [
-            f'<polyline points="{_points(x(time[a:b]), y(np.clip(off[a:b], -reach, reach)))}" class="{style}"/>'
-            for a, b in _stretches(valid > 0, off, flag)
-        ]
+    parts = []
+    for a, b in _runs(near):
+        upper, lower = (y(np.clip(off[a:b] + sign * half[a:b], -reach, reach)) for sign in (1, -1))
+        band = _points(np.concatenate([x(time[a:b]), x(time[a:b])[::-1]]), np.concatenate([upper, lower[::-1]]))
+        parts.append(f'<polygon points="{band}" class="band"/>')
+    inside = near & (np.abs(off) <= reach)
+    for a, b in _runs(inside):
+        for c, d in pairwise([a, *(a + 1 + np.flatnonzero(np.diff(valid[a:b]))).tolist(), b]):
+            style = "line valid" if valid[c] else "line invalid"
+            end = min(d + 1, b)  # joined to the next verdict
+            parts.append(f'<polyline points="{_points(x(time[c:end]), y(off[c:end]))}" class="{style}"/>')
     marks = [(value, heading_text(last + value, decimals=_decimals(reach)) + "°") for value in _round_steps(reach)]
     low = interval_text([(last - half[-1]) % 360, (last + half[-1]) % 360] if half[-1] < 180 else [0, 360])
     label = f"Heading against time: now {heading_text(last)} degrees, 95 % interval {low}"
@@ -107,9 +116,10 @@ def rate_chart(found: Found | None) -> str:
     parts = [
         f'<polyline points="{_points(x(time), y(np.minimum(norm, top)))}" class="line rate"/>',
         f'<path d="M{LEFT} {y(np.array(earth)):.1f} H{WIDTH - RIGHT}" class="earth"/>',
-        f'<text x="{WIDTH - RIGHT - 4}" y="{y(np.array(earth)) - 5:.1f}" class="note">Earth {earth:.2f}</text>',
+        f'<text x="{LEFT - 5}" y="{y(np.array(earth)):.1f}" class="axis end">{earth:.2f}</text>',
     ]
     marks = [(float(y(np.array(value))), f"{value:g}") for value in _round_steps(top) if value >= 0]
+    marks = [mark for mark in marks if abs(mark[0] - float(y(np.array(earth)))) > LINE]
     mean = found.estimate.rate_norm / DEG_PER_HOUR
     return _chart(
         f"Rate norm against time, degrees per hour: the mean is {mean:.2f}, Earth rate {earth:.2f}", end, marks, parts
@@ -149,8 +159,9 @@ def _chart(label: str, end: float, marks: list[tuple[float, str]], parts: list[s
     for value in _round_steps(end / unit):
         if value >= 0:
             place = float(x(np.array(value * unit)))
-            grid.append(f'<text x="{place:.1f}" y="{HEIGHT - 11}" class="axis middle">{value:g}</text>')
-    grid.append(f'<text x="{WIDTH - RIGHT}" y="{HEIGHT - 11}" class="axis end">{name}</text>')
+            style = "middle" if place < WIDTH - 2 * LINE else "end"
+            text = f"{value:g} {name}" if value else "0"
+            grid.append(f'<text x="{place:.1f}" y="{HEIGHT - 11}" class="axis {style}">{text}</text>')
     return _frame(label, "".join(grid + parts))
 
 
@@ -176,12 +187,10 @@ def _thinned(trace: Array) -> Array:
     return trace[::-1][::step][::-1]
 
 
-def _stretches(valid: NDArray[np.bool_], off: Array, flag: bool) -> list[tuple[int, int]]:
-    """Runs of points of one verdict, each joined to the next point; broken where the heading leaps by 90 deg."""
-    edges = np.flatnonzero((np.diff(valid) != 0) | (np.abs(np.diff(off)) > 90)) + 1
-    bounds = [0, *edges.tolist(), len(valid)]
-    leaps = set((np.flatnonzero(np.abs(np.diff(off)) > 90) + 1).tolist())
-    return [(a, b if b in leaps else min(b + 1, len(valid))) for a, b in pairwise(bounds) if valid[a] == flag]
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Start and end of each run of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _round_steps(reach: float) -> list[float]:

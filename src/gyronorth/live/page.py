@@ -44,7 +44,7 @@ def build(session: Session) -> None:
         with ui.element("div").classes("pair"):
             for title, draw in (
                 ("Heading against time, with its 95 % band", lambda status: drawing.heading_chart(status.found)),
-                ("Rate norm against time, deg/h", lambda status: drawing.rate_chart(status.found)),
+                ("Rate norm against time, deg/h (dashed: Earth rate)", lambda status: drawing.rate_chart(status.found)),
             ):
                 pictures.append(_Picture(_titled(title, draw), session))
         with ui.element("div").classes("pair"):

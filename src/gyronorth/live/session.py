@@ -191,8 +191,8 @@ class Session:
     def _data(self, data: bytes) -> None:
         if "stalled" in self._trouble:
             self._trouble = ""
-        self._last_data = time.monotonic()
         self._batches(self._read(data))
+        self._last_data = time.monotonic()
 
     def _read(self, data: bytes) -> list[Batch]:
         try:
@@ -369,7 +369,7 @@ class Session:
         if self._recorder is not None:
             self._recorder.sync()
         silent = time.monotonic() - self._last_data
-        if silent > STALL and not self._trouble and self._state in ("waiting", "running"):
+        if silent > STALL and self._queue.empty() and not self._trouble and self._state in ("waiting", "running"):
             if self._state == "running":
                 self._stalls += 1
             self._trouble = "stalled" if self._state == "running" else "no data yet (stalled)"
