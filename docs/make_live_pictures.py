@@ -24,7 +24,7 @@ IMAGES = Path(__file__).parent / "images"
 SENSOR, LATITUDE, HEADING, RATE_HZ, SEED = "sdc500", radians(32.11), radians(40), 100.0, 20260501
 RECORDING, SPEED = "turned.csv", 30
 DESK, PHONE = (1180, 900), (390, 844)
-COLOURS = 96  # so that the files are small
+COLOURS = 200  # so that the files are small
 
 
 def recording(folder: Path) -> None:
