@@ -144,7 +144,7 @@ def soak(folder: Path, *, minutes: float, speed: float) -> dict[str, float | int
     reader.join()
     player.join()
     server.close()
-    print([(round(a), round(b)) for a, b in memory[::4] if a > begun], file=sys.stderr)
+    print([(round(a - begun), round(b)) for a, b in memory[::4] if a > begun], file=sys.stderr)
     return _figures(answers[-1], sent, saved, memory, share=share, settled=begun + SETTLED / speed)
 
 

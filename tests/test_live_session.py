@@ -330,6 +330,20 @@ def test_json_lines_hold_the_estimate_and_the_counters(tmp_path):
     assert (document["live"]["good"], document["live"]["state"]) == (4000, "ended")
 
 
+@pytest.mark.slow
+def test_a_bad_line_costs_no_good_row():
+    """The benchmark's stream, shortened: 1 % lost, 1 % garbage, three connections that break."""
+    command = [sys.executable, "-m", "benchmarks.live_soak", "--minutes", "1.5", "--speed", "20"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=200, check=False)
+    figures = json.loads(run.stdout)
+    assert figures["good_rows_missing_in_the_file"] == 0
+    assert figures["in_order_and_nothing_else"]
+    assert figures["garbage_counted"] > 0
+    assert (figures["reconnects"], figures["restarts"]) == (3, 0)
+    assert figures["difference_deg"] < 0.01
+
+
 def test_after_kill_9_the_file_holds_all_but_the_last_second(tmp_path):
     saved = tmp_path / "rec.csv"
     command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", "--save", str(saved)]

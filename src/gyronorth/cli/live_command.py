@@ -148,17 +148,29 @@ def live(
 
 def _page(session: Session, *, host: str, port: int, token: str | None) -> Any:
     """The server of the page, listening already."""
+    import errno
+    import socket
+
     from gyronorth.live.access import check_access
+    from gyronorth.live.binding import bound_socket
     from gyronorth.recording import InputError
 
     check_access(host, token)
     try:
+        listener = bound_socket(host, port, socket.SOCK_STREAM)
+    except OSError as error:
+        cure = "check --host"
+        if error.errno in (errno.EADDRINUSE, errno.EACCES):
+            cure = "choose another port with --port, or 0 for any free one"
+        raise InputError(f"The page cannot listen on {host}:{port} ({error.strerror or error}): {cure}.") from None
+    try:
         from gyronorth.live.serving import PageServer
     except ImportError as error:
+        listener.close()
         raise InputError(
             f"The page needs {error.name}, which is not installed: pip install 'gyronorth[live]', or pass --no-page."
         ) from None
-    return PageServer(session, host=host, port=port, token=token)
+    return PageServer(session, listener, host=host, token=token)
 
 
 def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, interval: float) -> int:
@@ -169,6 +181,7 @@ def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, i
 
     finish, due = Event(), time.monotonic() + interval
     before = {sign: signal.signal(sign, lambda *_: finish.set()) for sign in (signal.SIGINT, signal.SIGTERM)}
+    said = ""
     session.start()
     if out is not None:
         out.start()
@@ -177,6 +190,7 @@ def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, i
         print(f"page: {server.url}", file=sys.stderr, flush=True)
     try:
         while not finish.wait(min(interval, LOOKS)):
+            said = _say(session, said)
             if as_json and time.monotonic() >= due:
                 _print(session)
                 due = max(due + interval, time.monotonic())
@@ -193,6 +207,15 @@ def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, i
         if server is not None:
             server.close()
     return _end(session, as_json=as_json)
+
+
+def _say(session: Session, said: str) -> str:
+    """Tell the terminal what happens to the source, once each."""
+    status = session.status
+    news = status.trouble or status.message
+    if news and news not in (said, "connecting") and session.error is None:
+        print(f"{status.source}: {news}", file=sys.stderr, flush=True)
+    return news
 
 
 def _print(session: Session) -> None:

@@ -29,7 +29,7 @@ def build(session: Session) -> None:
     """The content of the page, in the present client."""
     ui.add_css(STYLE.read_text(encoding="utf-8"))
     dark = ui.dark_mode(value=None)
-    with ui.element("main").classes("gn"):
+    with ui.element("div").classes("gn"):
         with ui.element("div").classes("top"):
             ui.html("<h1>gyronorth live</h1>", sanitize=False)
             ui.button("Dark / light", on_click=lambda: _toggle(dark), color=None).props(

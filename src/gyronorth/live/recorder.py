@@ -12,6 +12,7 @@ import time
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 
@@ -120,8 +121,13 @@ def check_place(path: Path) -> None:
         raise InputError(f"--save {path}: the name must end in .csv.")
     if not path.parent.is_dir():
         raise InputError(f"--save {path}: the folder {path.parent} does not exist; make it first.")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"--save {path}: the folder {path.parent} may not be written.")
+    try:
+        with TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"--save {path}: no file can be made in {path.parent}: {error.strerror or error}. Choose another folder."
+        ) from None
 
 
 def _new_file(wanted: Path) -> tuple[Path, int]:

@@ -13,23 +13,15 @@ from nicegui import ui
 
 from gyronorth.live import page
 from gyronorth.live.access import Access, is_loopback
-from gyronorth.live.binding import bound_socket
 from gyronorth.live.reporting import report_text
 from gyronorth.live.session import Session
-from gyronorth.recording import InputError
 
 
 class PageServer:
-    """Serves the page of one session; it listens as soon as it is made.
+    """Serves the page of one session on a socket that listens already."""
 
-    Raises
-    ------
-    InputError
-        If the address cannot be used.
-    """
-
-    def __init__(self, session: Session, *, host: str, port: int, token: str | None) -> None:
-        self._socket = _listening(host, port)
+    def __init__(self, session: Session, listener: socket.socket, *, host: str, token: str | None) -> None:
+        self._socket = listener
         shown = f"[{host}]" if ":" in host else host
         query = f"/?{urlencode({'token': token})}" if token else "/"
         self.url = f"http://{shown}:{self._socket.getsockname()[1]}{query}"
@@ -57,16 +49,6 @@ class PageServer:
         self._server.should_exit = True
         self._thread.join(timeout=5)
         self._socket.close()
-
-
-def _listening(host: str, port: int) -> socket.socket:
-    try:
-        return bound_socket(host, port, socket.SOCK_STREAM)
-    except OSError as error:
-        cure = (
-            "another program has it; choose another one with --port, or 0 for any free one" if port else "check --host"
-        )
-        raise InputError(f"The page cannot listen on {host}:{port} ({error.strerror or error}): {cure}.") from None
 
 
 def _application(session: Session) -> FastAPI:
