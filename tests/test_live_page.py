@@ -97,12 +97,12 @@ def test_a_turned_recording_on_the_page(tmp_path, chromium):
         page.on("request", lambda request: hosts.add(re.sub(r"\w+://([^:/]+).*", r"\1", request.url)))
         with live(tmp_path, *arguments) as (url, _):
             page.goto(url)
-            expect(page.locator("[data-verdict]")).to_be_visible(timeout=20_000)
+            expect(page.locator("[data-verdict]")).to_be_visible(timeout=60_000)
             page.keyboard.press("m")
-            expect(page.locator(".gn")).to_contain_text("Marks:", timeout=20_000)
+            expect(page.locator(".gn")).to_contain_text("Marks:", timeout=60_000)
             page.keyboard.press("s")  # the unit still stands: begin anew, so that everything is seen
-            expect(page.locator("[data-verdict]")).to_contain_text("Valid", timeout=20_000)
-            page.get_by_text("Data: ended").wait_for(timeout=30_000)
+            expect(page.locator("[data-verdict]")).to_contain_text("Valid", timeout=60_000)
+            page.get_by_text("Data: ended").wait_for(timeout=90_000)
             expect(page.locator("[data-verdict]")).to_have_text("✓ Valid")
             verdicts = page.evaluate("window.verdicts")
             assert "✕ Invalid: too short" in verdicts or "… Invalid: too short" in verdicts
@@ -113,7 +113,7 @@ def test_a_turned_recording_on_the_page(tmp_path, chromium):
             assert low <= heading_deg <= high
 
             page.get_by_role("button", name="Save").click()
-            expect(page.locator("[data-saved]")).to_contain_text("north.2.csv", timeout=20_000)
+            expect(page.locator("[data-saved]")).to_contain_text("north.2.csv", timeout=60_000)
             page_heading(page, tmp_path, heading_deg, url)
             phone(page)
             page.close()
