@@ -12,7 +12,7 @@ DEMO := examples/data/demo.npz
 DEMO_SIZE_LIMIT := 450
 
 .DELETE_ON_ERROR:
-.PHONY: demo test fast check examples docs outputs pictures readme demo-recording size audit constraints clean
+.PHONY: browser demo test fast check examples docs outputs pictures readme demo-recording size audit constraints clean
 
 demo: .venv/.demo
 	@mkdir -p out
@@ -29,6 +29,12 @@ test: .venv/.all
 # What the two-minute loop of development runs.
 fast: .venv/.all
 	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+# Chromium from Debian, for the tests of the live page; without it they are skipped, but fail in CI.
+browser:
+	@command -v chromium > /dev/null || { apt-get update -qq && \
+	DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium > /dev/null; }
+	@chromium --version
 
 # The hooks of .pre-commit-config.yaml on every file: the same list at a commit and in CI.
 check: .venv/.all

@@ -15,11 +15,14 @@ from pathlib import Path
 
 from benchmarks.comparison import Result, run
 
+#: Modules of this folder that compare nothing.
+OTHERS = ("__main__", "comparison", "live_soak")
+
 
 def main() -> int:
     """Run, print, and tell whether every promise was kept."""
     package = Path(__file__).parent
-    found = [m.name for m in pkgutil.iter_modules([str(package)]) if m.name not in ("__main__", "comparison")]
+    found = [m.name for m in pkgutil.iter_modules([str(package)]) if m.name not in OTHERS]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Speed beside peers, as ratios.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"which to run, of {', '.join(found)}; default all")
     parser.add_argument("--rounds", type=int, default=7, help="timed rounds of each comparison")

@@ -10,6 +10,7 @@ from gyronorth.cli import (  # noqa: F401  # they join the application
     benchmark_command,
     calibrate_command,
     heading_command,
+    live_command,
     recording_commands,
     sensor_commands,
     train_command,

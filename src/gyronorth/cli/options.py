@@ -253,10 +253,13 @@ READING: dict[str, tuple[Any, Any]] = {
 }
 
 
-def with_reading(command: Callable[..., int | None]) -> Callable[..., int | None]:
+def with_reading(
+    command: Callable[..., int | None], *, only: tuple[str, ...] = tuple(READING)
+) -> Callable[..., int | None]:
     """Give a command with a parameter `reading` the options that say how its file is read.
 
-    The command sees one `ReadOptions`; the command line sees the options of `READING` in its place.
+    The command sees one `ReadOptions`; the command line sees the options of `READING`, or those of them that
+    `only` names, in its place.
     """
     del command.__annotations__["reading"]  # known to the type checker only: it is not imported at start-up
     own = dict(inspect.signature(command, eval_str=True).parameters)
@@ -264,11 +267,14 @@ def with_reading(command: Callable[..., int | None]) -> Callable[..., int | None
 
     @wraps(command)
     def run(**values: Any) -> int | None:
-        return command(reading=_read_options(values), **{name: values[name] for name in own})
+        return command(
+            reading=_read_options({name: values[name] for name in only}), **{name: values[name] for name in own}
+        )
 
     added = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
         for name, (annotation, default) in READING.items()
+        if name in only
     ]
     parameters = [*own.values(), *added]
     run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -281,7 +287,7 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     from gyronorth.readers import ReadOptions
     from gyronorth.recording import InputError
 
-    given = {name: values[name] for name in READING if values[name] is not None}
+    given = {name: value for name, value in values.items() if value is not None}
     fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
     for option, (field, value) in zip(given, fields.items(), strict=True):
         try:

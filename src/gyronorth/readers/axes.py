@@ -68,3 +68,10 @@ def mat_vb(boresight: tuple[float, float, float]) -> NDArray[np.float64] | None:
     if not any(boresight):
         return None
     return mat_bn(*boresight).T
+
+
+def in_axes(samples: NDArray[np.float64], mat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors (n, 3) in other axes; exact where `mat` only swaps and flips axes."""
+    if np.isin(mat, (-1.0, 0.0, 1.0)).all():
+        return samples[:, np.abs(mat).argmax(axis=1)] * mat.sum(axis=1)
+    return samples @ mat.T

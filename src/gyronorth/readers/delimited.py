@@ -12,16 +12,21 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
-from gyronorth.readers.facts import is_number, read_facts
+from gyronorth.readers.facts import SIGNATURE, is_number, read_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
 from gyronorth.recording import InputError
 
-_COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
+#: What a live recording states of itself: its last line may be cut off, and marks stand between its rows.
+LIVE_FORMAT = "gyronorth.live/1"
+#: How a line begins that marks a moment in a live recording.
+MARK = b"# mark: "
+COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
 _PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
 _PUBLISHED_TITLES = ("", *RATES, *FORCES)
 _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="frd")
@@ -30,7 +35,9 @@ _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="fr
 def open_csv(path: Path, options: ReadOptions) -> Source:
     """Open a CSV file."""
     with TextHead(path) as head:
-        facts, ours = _comments(head)
+        texts = _comments(head)
+        facts, ours = stated_facts(texts, head.name)
+        live = texts.get(SIGNATURE[0], ("", 0))[0] == LIVE_FORMAT
         line = head.peek()
         if line is None or not line.strip():
             raise InputError(f"{path.name} ends before its header; a line such as {','.join(NAMES)} is expected.")
@@ -55,7 +62,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         found = choose_columns(header if not numeric else len(titles), options.columns, OUR_TITLES, path.name)
         offset, row = head.offset, head.row
     columns = tuple(name for name in NAMES if name in found)
-    layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing)
+    layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing, mark=MARK if live else None)
     heading = published_heading(path) if tuple(titles) == _PUBLISHED_TITLES else None
     published = heading is not None and facts == Facts()
     return Source(
@@ -77,21 +84,29 @@ def published_heading(path: Path) -> float | None:
     return math.radians(float(match[1])) if match and float(match[1]) <= 360 else None
 
 
-def _comments(head: TextHead) -> tuple[Facts, bool]:
-    """The facts in the comment lines, and whether gyronorth wrote them."""
+def _comments(head: TextHead) -> dict[str, tuple[str, int]]:
+    """The comment lines at the start: key -> (value, row)."""
     texts: dict[str, tuple[str, int]] = {}
     while (line := head.peek()) is not None and (line.startswith("#") or not line.strip()):
         head.take()
-        match = _COMMENT.match(line)
+        match = COMMENT.match(line)
         if match is None:
             continue
         if match[1] in texts and texts[match[1]][0] != match[2]:
             raise InputError(f"Row {head.row} of {head.name} states {match[1]} again, with another value.")
         texts[match[1]] = (match[2], head.row)
+    return texts
 
-    return read_facts(
-        {key: text for key, (text, _) in texts.items()}, lambda key: f"Row {texts[key][1]} of {head.name}"
-    )
+
+def stated_facts(texts: Mapping[str, tuple[str, int]], name: str) -> tuple[Facts, bool]:
+    """The facts in the comment lines, key -> (value, row), and whether gyronorth wrote them.
+
+    Raises
+    ------
+    InputError
+        If a value is not what its key allows; it names the row and `name`.
+    """
+    return read_facts({key: text for key, (text, _) in texts.items()}, lambda key: f"Row {texts[key][1]} of {name}")
 
 
 def _fields(line: str, head: TextHead) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import Declared, resolve
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_units
@@ -147,6 +148,11 @@ class Reading:
             for block in self.source.blocks():
                 if self.progress is not None and block.share > 0:
                     self.progress(block.share)
+                if block.cut_off:
+                    message = (
+                        f"{self.source.name} ends in the middle of a line, which is left out: the recorder was killed."
+                    )
+                    self.length_notes = (Note("cut_off", message),)
                 yield self.regulariser.push(block)
                 if self.regulariser.done:
                     break
@@ -236,7 +242,7 @@ class Reading:
         """Rate and specific force (n, 3) of samples in file axes; None without an accelerometer."""
         parts = [samples[:, :3], *([samples[:, 3:]] if samples.shape[1] == 6 else [])]
         mat = self.declared.mat_vf
-        gyro, *accel = (np.ascontiguousarray(part if mat is None else _turned(part, mat)) for part in parts)
+        gyro, *accel = (np.ascontiguousarray(part if mat is None else in_axes(part, mat)) for part in parts)
         return gyro, accel[0] if accel else None
 
     def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
@@ -296,10 +302,3 @@ def _chunks(
         dropped, start = reading.regulariser.rows_dropped, end
         reading.regulariser.forget_gaps(before=end / reading.rate_hz)
         samples = next(stream, None)
-
-
-def _turned(samples: NDArray[np.float64], mat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (n, 3) in other axes; exact where `mat` only swaps and flips axes."""
-    if np.isin(mat, (-1.0, 0.0, 1.0)).all():
-        return samples[:, np.abs(mat).argmax(axis=1)] * mat.sum(axis=1)
-    return samples @ mat.T

@@ -10,6 +10,7 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,7 @@ class Layout:
     use: tuple[int, ...]  # positions of the fields that are read, in the order of the block's columns
     delimiter: str | None  # None: any white space
     trailing: bool = False  # rows end in a delimiter with nothing behind it
+    mark: bytes | None = None  # of a live recording: lines that begin so are no rows, and the last may be cut off
 
 
 def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[Block]:
@@ -108,11 +110,16 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
                 raise InputError(
                     f"{path.name} has a line of more than {LONGEST_LINE} characters after row {last}: it is damaged."
                 )
+            cut_off = False
+            if end and layout.mark is not None:
+                whole = data.rfind(b"\n") + 1
+                cut_off, data = len(data) > whole, data[:whole]
             if end:
                 data = data.rstrip()  # blank lines at the end are no rows
-            if data:
+            if data or cut_off:
                 data = data.replace(b"\r\n", b"\n")
-                yield replace(parse_block(data, row + 1, layout), share=min(1.0, file.tell() / size))
+                block = parse_block(data, row + 1, layout)
+                yield replace(block, share=min(1.0, file.tell() / size), cut_off=cut_off)
                 row += data.count(b"\n")
             if end:
                 return
@@ -153,16 +160,23 @@ def _place(path: Path, offset: int, row: int, layout: Layout, per_row: float, sh
 
 def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:
     """The rows in `data`, lines that end in LF; `first_row` is the number of the first."""
-    if not data.endswith(b"\n"):
+    if data and not data.endswith(b"\n"):
         data += b"\n"
+    rows = np.arange(first_row, first_row + data.count(b"\n"))
+    if layout.mark is not None and layout.mark in data:
+        lines = data.split(b"\n")[:-1]
+        kept = np.array([not line.startswith(layout.mark) for line in lines])
+        data, rows = b"".join(line + b"\n" for line in compress(lines, kept)), rows[kept]
     values = _parse_regular(data, layout)
     if values is None:
-        return _parse_each(data, first_row, layout)
-    return Block(values, np.arange(first_row, first_row + len(values)), Bad.none())
+        return _parse_each(data, rows, layout)
+    return Block(values, rows, Bad.none())
 
 
 def _parse_regular(data: bytes, layout: Layout) -> NDArray[np.float64] | None:
     """All rows in one call, or None where any of them is irregular."""
+    if not data:
+        return np.zeros((0, len(layout.use)))
     width = len(layout.titles) + layout.trailing
     if layout.delimiter is not None and not _has_width(data, layout.delimiter, width):
         return None
@@ -191,14 +205,14 @@ def _has_width(data: bytes, delimiter: str, width: int) -> bool:
     return bool((separators[:, -1] == ord("\n")).all() and (separators[:, :-1] == ord(delimiter)).all())
 
 
-def _parse_each(data: bytes, first_row: int, layout: Layout) -> Block:
+def _parse_each(data: bytes, numbers: NDArray[np.int64], layout: Layout) -> Block:
     """Row by row: the good ones, and what is wrong with the others."""
     values: list[list[float]] = []
     rows: list[int] = []
     bad: list[int] = []
     reasons: list[tuple[int, str]] = []
     lines = data.split(b"\n")[:-1]
-    for row, line in enumerate(lines, start=first_row):
+    for row, line in zip(numbers.tolist(), lines, strict=True):
         parsed = _parse_row(line, layout)
         if isinstance(parsed, str):
             bad.append(row)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
-from math import cos, degrees, radians, sin
+from math import degrees
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
+from gyronorth.report.dial import on_circle, quadrant_seconds, sector_path
 from gyronorth.report.figures import allan_figure, convergence_figure, svg_text
 from gyronorth.report.tables import Outcome
 from gyronorth.report.wording import (
@@ -74,16 +75,12 @@ def heading_page(
             poses=_poses(estimate),
             unrest=_unrest(estimate),
             turns=[degrees(turn.angle) for turn in estimate.turns],
-            quadrants=_quadrants(estimate),
+            quadrants=quadrant_seconds(estimate.poses),
             earth_rate_deg_h=EARTH_RATE / DEG_PER_HOUR,
             written=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
             version=version("gyronorth"),
         )
     )
-
-
-#: Half a quadrant, rad: a pose turned by exactly 90 deg is in the middle of the second.
-QUADRANT_CENTRE = radians(45)
 
 
 def _environment() -> Environment:
@@ -142,26 +139,10 @@ def _unrest(estimate: HeadingEstimate) -> list[tuple[str, str]]:
     return rows
 
 
-def _quadrants(estimate: HeadingEstimate) -> list[float]:
-    """Seconds of standing still in each quadrant from the first pose on: [0, 90), [90, 180), ... deg."""
-    seconds = [0.0] * 4
-    for pose in estimate.poses:
-        turned = degrees(pose.heading - estimate.poses[0].heading + QUADRANT_CENTRE) % 360
-        seconds[int(turned // 90) % 4] += pose.end - pose.start
-    return seconds
-
-
 def _dial(doc: dict[str, Any]) -> dict[str, Any]:
     """A compass card: path of the 95 % sector and the tip of the needle on a circle of radius 80."""
     low, high = doc["interval95_deg"]
-    width = 360 if high - low >= 360 else (high - low) % 360
-    start, end = _on_circle(low, 80), _on_circle(low + width, 80)
-    sector = f"M0 0 L{start} A80 80 0 {int(width > 180)} 1 {end} Z"
-    needle = None if doc["heading_deg"] is None else _on_circle(doc["heading_deg"], 74)
-    ticks = [(_on_circle(angle, 80), _on_circle(angle, 72 if angle % 90 else 68)) for angle in range(0, 360, 30)]
-    return {"whole": width >= 360, "sector": sector, "needle": needle, "ticks": ticks}
-
-
-def _on_circle(heading_deg: float, radius: float) -> str:
-    """A point of the card in SVG coordinates: north up, clockwise."""
-    return f"{radius * sin(radians(heading_deg)):.2f} {-radius * cos(radians(heading_deg)):.2f}"
+    sector = sector_path(low, high, 80)
+    needle = None if doc["heading_deg"] is None else on_circle(doc["heading_deg"], 74)
+    ticks = [(on_circle(angle, 80), on_circle(angle, 72 if angle % 90 else 68)) for angle in range(0, 360, 30)]
+    return {"whole": sector is None, "sector": sector, "needle": needle, "ticks": ticks}

@@ -43,6 +43,11 @@ def sentences(estimate: HeadingEstimate) -> tuple[str, str]:
     return sentence(f"HEHDT,{heading if doc['valid'] else ''},T"), sentence(_with_reasons(status, codes))
 
 
+def no_heading() -> tuple[str, str]:
+    """The two sentences while nothing is known of the heading."""
+    return sentence("HEHDT,,T"), sentence("PGNRS,V,,,000.0,360.0,,0,")
+
+
 def sentence(body: str) -> str:
     """`body` between $ and its checksum, with the line end."""
     checksum = reduce(lambda total, byte: total ^ byte, body.encode("ascii"), 0)

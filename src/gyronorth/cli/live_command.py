@@ -1,0 +1,248 @@
+"""gyronorth live: the heading of a stream of lines, on a page, as NMEA or as JSON lines, with its recording."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gyronorth.cli.app import app
+from gyronorth.cli.options import (
+    DEG_PER_HOUR,
+    OUTPUT,
+    SITE,
+    Method,
+    SensorName,
+    number,
+    triple,
+    with_reading,
+)
+
+if TYPE_CHECKING:
+    from gyronorth.live.nmea_out import NmeaOut
+    from gyronorth.live.session import Session
+    from gyronorth.readers import ReadOptions
+
+#: Options of reading that a line of a stream needs.
+DECLARED = ("latitude", "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns")
+PAGE = "Page"
+#: Whether the session is over is looked at so often, s.
+LOOKS = 0.1
+
+
+@app.command()
+@partial(with_reading, only=DECLARED)
+def live(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="A file to replay, - for standard input, tcp:HOST:PORT, udp:[HOST:]PORT, serial:DEV[:BAUD].",
+        ),
+    ],
+    sensor: SensorName = None,
+    method: Annotated[Method, typer.Option(help="auto takes the one whose own sigma is smallest.")] = Method.auto,
+    gyro_bias: Annotated[
+        Any,
+        typer.Option(
+            metavar="X,Y,Z",
+            parser=triple("X,Y,Z in deg/h", "1.2,-0.4,0.3", scale=DEG_PER_HOUR),
+            help="Known gyro bias in body axes, deg/h; it is subtracted.",
+            rich_help_panel=SITE,
+        ),
+    ] = None,
+    speed: Annotated[
+        Any,
+        typer.Option(
+            metavar="X", parser=number("a positive factor", "20", above=0), help="Replay a file so many times faster."
+        ),
+    ] = 1.0,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv",
+            help="Record every good line; a file that exists is kept, and the next number taken.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object a line and nothing else.", rich_help_panel=OUTPUT)
+    ] = False,
+    nmea_out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp|udp:HOST:PORT",
+            help="Serve (tcp) or send (udp) HEHDT and a status sentence.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    output_rate: Annotated[
+        Any,
+        typer.Option(
+            metavar="HZ",
+            parser=number("a rate of 0.01 to 100 Hz", "1", low=0.01, high=100),
+            help="How often NMEA and JSON go out.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = 1.0,
+    page: Annotated[
+        bool,
+        typer.Option(
+            "--page/--no-page", help="Serve the page; without it a replay ends with the file.", rich_help_panel=PAGE
+        ),
+    ] = True,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="HOST", help="Where the page listens; elsewhere than here a token is needed.", rich_help_panel=PAGE
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        Any,
+        typer.Option(
+            metavar="PORT",
+            parser=number("a port of 0 to 65535", "8080", low=0, high=65535),
+            help="Port of the page; 0 takes a free one.",
+            rich_help_panel=PAGE,
+        ),
+    ] = 8080,
+    token: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TEXT", envvar="GYRONORTH_TOKEN", help="Whoever opens the page must know it.", rich_help_panel=PAGE
+        ),
+    ] = None,
+    *,
+    reading: ReadOptions,
+) -> int:
+    """Find the heading of a sensor that is still measuring, and show it.
+
+    Ends with the source where there is no page, else when it is interrupted (Ctrl-C). Exit code 0: the last
+    heading is valid. 2: bad input. 3: it is not; the reasons are printed.
+    """
+    from gyronorth.live import nmea_out as nmea
+    from gyronorth.live.recorder import check_place
+    from gyronorth.live.session import Session, Settings
+    from gyronorth.live.sources import open_source
+    from gyronorth.recording import InputError
+    from gyronorth.sensor import read_sensor
+
+    if save is not None:
+        check_place(save)
+    opened = open_source(source, reading, speed=speed)
+    if reading.latitude is None and source.startswith(("tcp:", "udp:", "serial:")):
+        raise InputError(
+            "The latitude is not known. Pass --latitude DEG (north positive); Earth rate cannot be read without it."
+        )
+    profile = None if sensor is None else read_sensor(sensor)
+    session = Session(opened, Settings(reading, profile, method.value, gyro_bias, save))
+    server = _page(session, host=host, port=int(port), token=token) if page else None
+    out = None
+    if nmea_out is not None:
+        out = nmea.NmeaOut(nmea.parse_target(nmea_out), rate_hz=output_rate, status=lambda: session.status)
+    return _run(session, server, out, as_json=as_json, interval=1 / output_rate)
+
+
+def _page(session: Session, *, host: str, port: int, token: str | None) -> Any:
+    """The server of the page, listening already."""
+    import errno
+    import socket
+
+    from gyronorth.live.access import check_access
+    from gyronorth.live.binding import bound_socket
+    from gyronorth.recording import InputError
+
+    check_access(host, token)
+    try:
+        listener = bound_socket(host, port, socket.SOCK_STREAM)
+    except OSError as error:
+        cure = "check --host"
+        if error.errno in (errno.EADDRINUSE, errno.EACCES):
+            cure = "choose another port with --port, or 0 for any free one"
+        raise InputError(f"The page cannot listen on {host}:{port} ({error.strerror or error}): {cure}.") from None
+    try:
+        from gyronorth.live.serving import PageServer
+    except ImportError as error:
+        listener.close()
+        raise InputError(
+            f"The page needs {error.name}, which is not installed: pip install 'gyronorth[live]', or pass --no-page."
+        ) from None
+    return PageServer(session, listener, host=host, token=token)
+
+
+def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, interval: float) -> int:
+    """Until the source ends, or the user ends it."""
+    import signal
+    import time
+    from threading import Event
+
+    finish, due = Event(), time.monotonic() + interval
+    before = {sign: signal.signal(sign, lambda *_: finish.set()) for sign in (signal.SIGINT, signal.SIGTERM)}
+    said = ""
+    session.start()
+    if out is not None:
+        out.start()
+    if server is not None:
+        server.start()
+        print(f"page: {server.url}", file=sys.stderr, flush=True)
+    try:
+        while not finish.wait(min(interval, LOOKS)):
+            said = _say(session, said)
+            if as_json and time.monotonic() >= due:
+                _print(session)
+                due = max(due + interval, time.monotonic())
+            if session.error is not None or (server is None and session.ended.is_set()):
+                break
+            if server is not None and server.failed:
+                break
+    finally:
+        session.close()
+        for sign, handler in before.items():
+            signal.signal(sign, handler)
+        if out is not None:
+            out.close()
+        if server is not None:
+            server.close()
+    return _end(session, as_json=as_json)
+
+
+def _say(session: Session, said: str) -> str:
+    """Tell the terminal what happens to the source, once each."""
+    status = session.status
+    news = status.trouble or status.message
+    if news and news not in (said, "connecting") and session.error is None:
+        print(f"{status.source}: {news}", file=sys.stderr, flush=True)
+    return news
+
+
+def _print(session: Session) -> None:
+    from gyronorth.cli.options import print_json
+
+    print_json(session.status.to_json())
+    sys.stdout.flush()
+
+
+def _end(session: Session, *, as_json: bool) -> int:
+    """The last word: the heading as `gyronorth heading` prints it."""
+    from gyronorth.cli.heading_command import REFUSED, VALID
+    from gyronorth.report.tables import Outcome
+    from gyronorth.report.terminal import print_heading
+
+    if session.error is not None:
+        raise session.error
+    status = session.status
+    estimate = status.estimate
+    if as_json:
+        _print(session)
+    elif estimate is None:
+        print(f"No heading: {status.counters.good} good rows came from {status.source}.")
+    else:
+        print_heading(Outcome(status.source, estimate, heading_true=status.heading_true), sys.stdout)
+    if status.recording_error is not None:
+        print(f"warning: the recording is incomplete. {status.recording_error}", file=sys.stderr)
+    elif status.recording is not None:
+        print(f"recording: {status.recording}", file=sys.stderr)
+    return VALID if estimate is not None and estimate.valid else REFUSED

@@ -1,0 +1,38 @@
+"""A socket that is bound to an address, or an error that says what is wrong with it."""
+
+from __future__ import annotations
+
+import socket
+
+
+def bound_socket(host: str, port: int, kind: socket.SocketKind, *, receive: int | None = None) -> socket.socket:
+    """Bind a socket; one that takes connections listens.
+
+    Parameters
+    ----------
+    host, port
+        Where; port 0 takes a free one.
+    kind : socket.SocketKind
+        SOCK_STREAM or SOCK_DGRAM.
+    receive : int, optional
+        Room for what has come and was not read yet, bytes.
+
+    Raises
+    ------
+    OSError
+        If the address is not of this machine, in use, or not allowed.
+    """
+    family, _, _, _, address = socket.getaddrinfo(host, port, type=kind)[0]
+    made = socket.socket(family, kind)
+    try:
+        if receive is not None:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive)
+        if kind == socket.SOCK_STREAM:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address)
+        if kind == socket.SOCK_STREAM:
+            made.listen()
+    except OSError:
+        made.close()
+        raise
+    return made

@@ -1,0 +1,121 @@
+"""The streaming estimator in a thread of its own, so that the recording never waits for an estimate."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Condition, Thread
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.estimate import HeadingEstimate
+from gyronorth.recording import InputError
+from gyronorth.streaming import StreamingHeading
+
+Array = NDArray[np.float64]
+
+#: Estimates are this far apart, s, and take at most this share of one core.
+INTERVAL, SHARE = 1.0, 0.1
+#: Samples that may wait; the source waits with them.
+MOST_WAITING = 60_000
+
+
+@dataclass(frozen=True)
+class Found:
+    """The latest estimate and how it came about, arrays of bounded length."""
+
+    estimate: HeadingEstimate
+    trace: Array  # (k, 4): time s, heading rad or NaN, half width of the 95 % interval rad, valid
+    rate_norm: tuple[Array, Array]  # (k,) time s and norm of the mean rate rad/s
+
+
+class Estimation:
+    """Samples in, estimates out, about once a second."""
+
+    def __init__(self, done: Callable[[Found | None, str | None], None]) -> None:
+        """`done` gets each new estimate, or the message of why there can be none."""
+        self._done = done
+        self._condition = Condition()
+        self._waiting: list[tuple[Array, Array | None]] = []
+        self._count = 0
+        self._present: StreamingHeading | None = None
+        self._ending = self._flushing = False
+        self._due = 0.0  # when the next estimate is made
+        self._thread = Thread(target=self._run, name="estimation", daemon=True)
+
+    def start(self) -> None:
+        """Begin to work."""
+        self._thread.start()
+
+    def begin(self, heading: StreamingHeading | None) -> None:
+        """Forget what waits and estimate afresh with this; None: not before the next call."""
+        with self._condition:
+            self._waiting, self._count, self._present = [], 0, heading
+            self._due = time.monotonic() + INTERVAL
+            self._condition.notify_all()
+
+    def put(self, gyro_b: Array, accel_b: Array | None) -> None:
+        """Hand over samples; waits where too many are waiting already."""
+        if len(gyro_b) == 0:
+            return
+        with self._condition:
+            self._condition.wait_for(lambda: self._count < MOST_WAITING or self._ending)
+            self._waiting.append((gyro_b, accel_b))
+            self._count += len(gyro_b)
+
+    def end(self) -> None:
+        """Work on what waits, estimate a last time, and stop."""
+        with self._condition:
+            self._ending = True
+            self._condition.notify_all()
+        self._thread.join()
+
+    def flush(self) -> None:
+        """Estimate at once, and return when that is done."""
+        with self._condition:
+            self._flushing = True
+            self._condition.notify_all()
+            self._condition.wait_for(lambda: not self._flushing or not self._thread.is_alive(), timeout=60)
+
+    def _run(self) -> None:
+        while True:
+            with self._condition:
+                self._condition.wait_for(lambda: self._ending or self._flushing, timeout=INTERVAL)
+                ending, flushing = self._ending, self._flushing
+                present = self._present
+                waiting, self._waiting, self._count = self._waiting, [], 0
+                self._condition.notify_all()
+            if present is not None:
+                self._add(present, waiting)
+                if ending or flushing or (waiting and time.monotonic() >= self._due):
+                    begun = time.thread_time()
+                    self._estimate(present)
+                    self._due = time.monotonic() + (time.thread_time() - begun) / SHARE
+            if flushing:
+                with self._condition:
+                    self._flushing = False
+                    self._condition.notify_all()
+            if ending:
+                return
+
+    @staticmethod
+    def _add(heading: StreamingHeading, waiting: list[tuple[Array, Array | None]]) -> None:
+        if waiting:
+            gyro = np.concatenate([gyro for gyro, _ in waiting])
+            parts = [accel for _, accel in waiting if accel is not None]
+            heading.add(gyro, np.concatenate(parts) if parts else None)
+
+    def _estimate(self, heading: StreamingHeading) -> None:
+        if heading.duration == 0:
+            return
+        found, failure = None, None
+        try:
+            estimate = heading.estimate()
+            found = Found(estimate, np.array(heading.trace, dtype=float).reshape(-1, 4), heading.rate_norm())
+        except InputError as error:
+            failure = str(error)
+        with self._condition:
+            if self._present is heading:  # else it is of a stretch that is over
+                self._done(found, failure)

@@ -1,0 +1,170 @@
+"""NMEA 0183 out, over TCP to any number of listeners or over UDP: HEHDT and the status sentence.
+
+HEHDT carries a number only while the heading is valid and is being measured; otherwise its field is
+empty. A listener that does not keep up is left behind, and dropped if it does not catch up.
+"""
+
+from __future__ import annotations
+
+import re
+import selectors
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from threading import Event, Thread
+
+from gyronorth.live.binding import bound_socket
+from gyronorth.live.status import Status
+from gyronorth.recording import InputError
+from gyronorth.report.nmea import no_heading, sentences
+from gyronorth.validity import Finding
+
+#: Bytes that may wait for a slow listener; it is dropped beyond.
+PATIENCE = 64_000
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the sentences go."""
+
+    kind: str  # tcp, udp
+    host: str
+    port: int
+
+
+def parse_target(text: str) -> Target:
+    """tcp:HOST:PORT or udp:HOST:PORT.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    match = re.fullmatch(r"(tcp|udp):(.+):(\d{1,5})", text)
+    if match is None or int(match[3]) > 65535:
+        raise InputError(f"--nmea-out {text!r} is not tcp:HOST:PORT or udp:HOST:PORT; example: tcp:127.0.0.1:10110.")
+    return Target(match[1], match[2].strip("[]"), int(match[3]))
+
+
+def status_sentences(status: Status) -> str:
+    """What is sent of a status."""
+    estimate = status.estimate
+    if estimate is None:
+        return "".join(no_heading())
+    if not status.current:
+        reason = Finding("not_running", f"The session is {status.state}.")
+        estimate = replace(estimate, reasons=(*estimate.reasons, reason))
+    return "".join(sentences(estimate))
+
+
+class NmeaOut:
+    """Sends the sentences of the latest status at a fixed rate, from a thread of its own.
+
+    Raises
+    ------
+    InputError
+        If the address cannot be used.
+    """
+
+    def __init__(self, target: Target, *, rate_hz: float, status: Callable[[], Status]) -> None:
+        self._interval, self._status = 1 / rate_hz, status
+        self._stop = Event()
+        self._clients: dict[socket.socket, bytes] = {}
+        self._selector = selectors.DefaultSelector()
+        self._tcp = target.kind == "tcp"
+        try:
+            if self._tcp:
+                self._socket = bound_socket(target.host, target.port, socket.SOCK_STREAM)
+            else:
+                place = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_DGRAM)[0]
+                self._address = place[4]
+                self._socket = socket.socket(place[0], socket.SOCK_DGRAM)
+                self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        except OSError as error:
+            why = error.strerror or error
+            raise InputError(f"--nmea-out {target.kind}:{target.host}:{target.port}: {why}.") from None
+        self._socket.setblocking(False)
+        if self._tcp:
+            self._selector.register(self._socket, selectors.EVENT_READ)
+        self._thread = Thread(target=self._run, name="nmea", daemon=True)
+
+    @property
+    def port(self) -> int:
+        """The port that is served, or sent from."""
+        return self._socket.getsockname()[1]
+
+    def start(self) -> None:
+        """Begin to send."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Send no more."""
+        self._stop.set()
+        self._thread.join()
+        for client in [*self._clients, self._socket]:
+            client.close()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stop.is_set():
+            now = time.monotonic()
+            if now >= due:
+                self._send(status_sentences(self._status()).encode("ascii"))
+                due = max(due + self._interval, now)
+            self._serve(min(max(due - time.monotonic(), 0.0), 0.2))
+
+    def _serve(self, timeout: float) -> None:
+        """Take new listeners and let go of those that left, for some time."""
+        if not self._tcp:
+            self._stop.wait(timeout)
+            return
+        for key, _ in self._selector.select(timeout):
+            connection = key.fileobj
+            assert isinstance(connection, socket.socket)
+            if connection is self._socket:
+                self._welcome()
+                continue
+            try:
+                gone = not connection.recv(4096)  # what a listener says is of no interest
+            except BlockingIOError:
+                gone = False
+            except OSError:
+                gone = True
+            if gone:
+                self._drop(connection)
+
+    def _welcome(self) -> None:
+        try:
+            client, _ = self._socket.accept()
+        except OSError:
+            return
+        client.setblocking(False)
+        self._clients[client] = b""
+        self._selector.register(client, selectors.EVENT_READ)
+
+    def _send(self, data: bytes) -> None:
+        if not self._tcp:
+            try:
+                self._socket.sendto(data, self._address)
+            except OSError:
+                return  # nobody is there yet, or the network is down: the next one may arrive
+            return
+        for client, waiting in list(self._clients.items()):
+            waiting += data
+            try:
+                waiting = waiting[client.send(waiting) :]
+            except BlockingIOError:
+                pass
+            except OSError:
+                self._drop(client)
+                continue
+            if len(waiting) > PATIENCE:
+                self._drop(client)
+            else:
+                self._clients[client] = waiting
+
+    def _drop(self, client: socket.socket) -> None:
+        self._selector.unregister(client)
+        del self._clients[client]
+        client.close()

@@ -1,0 +1,178 @@
+"""The recording of a stream on disk: every good line as it came, safe within a second.
+
+A file begins with what is known, as `# key: value`, and a header with our names; then lines are
+only ever added, so that whatever ends the program leaves a file that the CSV reader reads.
+Each stretch has a file of its own: rec.csv, rec.2.csv, ...; a file that exists is left alone.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryFile
+
+import numpy as np
+
+from gyronorth.live.lines import Rows
+from gyronorth.live.stretch import Stretch
+from gyronorth.readers.delimited import LIVE_FORMAT, MARK
+from gyronorth.readers.facts import SIGNATURE
+from gyronorth.recording import InputError
+
+#: Lines reach the disk itself at least so often, s.
+SYNC_INTERVAL = 0.5
+#: Room in the head of the file for the rate, which is known only later where it is measured.
+_RATE_WIDTH = 40
+
+
+class Recorder:
+    """Appends to the files of one session."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path  # of the file that is written, or will be next
+        self.error: str | None = None  # why nothing is written any more
+        self.bytes = 0  # of the present file
+        self.files: list[Path] = []
+        self._wanted = path
+        self._descriptor: int | None = None
+        self._rate_offset: int | None = None
+        self._synced = 0.0
+
+    def begin(self, stretch: Stretch, source: str, *, start_time_utc: str | None) -> None:
+        """Close the present file and begin the next."""
+        self.close()
+        head, rate_offset = _head(stretch, source, start_time_utc)
+        try:
+            self.path, self._descriptor = _new_file(self._wanted)
+        except OSError as error:
+            self._fail(error)
+            return
+        self.files.append(self.path)
+        self.bytes, self._rate_offset = 0, rate_offset
+        self._write(head)
+        self.sync(now=True)
+
+    def rows(self, rows: Rows) -> None:
+        """Append good rows."""
+        if len(rows):
+            self._write(b"\n".join(rows.lines) + b"\n")
+
+    def mark(self, text: str) -> None:
+        """Append a comment line that marks this moment."""
+        self._write(MARK + text.encode() + b"\n")
+
+    def rate(self, rate_hz: float) -> None:
+        """Fill in the rate in the head of the file, once it has been measured."""
+        if self._descriptor is None or self._rate_offset is None:
+            return
+        try:
+            os.pwrite(self._descriptor, _rate_line(rate_hz), self._rate_offset)
+        except OSError as error:
+            self._fail(error)
+        self._rate_offset = None
+
+    def sync(self, *, now: bool = False) -> None:
+        """Bring what is written to the disk itself, where that was not done lately."""
+        if self._descriptor is None or (not now and time.monotonic() - self._synced < SYNC_INTERVAL):
+            return
+        try:
+            os.fsync(self._descriptor)
+        except OSError as error:
+            self._fail(error)
+        self._synced = time.monotonic()
+
+    def close(self) -> None:
+        """End the present file; the next stretch gets another one."""
+        self.sync(now=True)
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+        self._descriptor = None
+
+    def _write(self, data: bytes) -> None:
+        if self._descriptor is None:
+            return
+        view = memoryview(data)
+        try:
+            while view:
+                view = view[os.write(self._descriptor, view) :]
+        except OSError as error:
+            self._fail(error)
+            return
+        self.bytes += len(data)
+
+    def _fail(self, error: OSError) -> None:
+        self.error = f"{self.path}: {error.strerror or error}"
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+        self._descriptor = None
+
+
+def check_place(path: Path) -> None:
+    """Refuse a place where no recording can be written, before anything starts.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist or may not be written, or the name does not end in .csv.
+    """
+    if path.suffix.lower() != ".csv":
+        raise InputError(f"--save {path}: the name must end in .csv.")
+    if not path.parent.is_dir():
+        raise InputError(f"--save {path}: the folder {path.parent} does not exist; make it first.")
+    try:
+        with TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"--save {path}: no file can be made in {path.parent}: {error.strerror or error}. Choose another folder."
+        ) from None
+
+
+def _new_file(wanted: Path) -> tuple[Path, int]:
+    """A file that did not exist: the wanted one, or the first free number behind its stem."""
+    for number in count(1):
+        path = wanted if number == 1 else wanted.with_name(f"{wanted.stem}.{number}{wanted.suffix}")
+        try:
+            return path, os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        except FileExistsError:
+            continue
+    raise AssertionError("unreachable")
+
+
+def _head(stretch: Stretch, source: str, start_time_utc: str | None) -> tuple[bytes, int | None]:
+    """The first lines, and where in them the rate is to be filled in."""
+    declared, stated = stretch.declared, stretch.stated
+    start = stated.start_time_utc or start_time_utc
+    facts = {
+        SIGNATURE[0]: LIVE_FORMAT,
+        "source": " ".join(source.split()),
+        "gyro_unit": declared.gyro_unit,
+        "accel_unit": declared.accel_unit or None,
+        "axes": declared.axes if declared.axes_declared else None,
+        "latitude_deg": repr(float(np.degrees(stretch.latitude))),
+        "heading_true_deg": (
+            None if declared.heading_true is None else repr(float(np.degrees(declared.heading_true) % 360))
+        ),
+        "start_time_utc": start,
+        "session": stated.session,
+    }
+    head = "".join(f"# {key}: {value}\n" for key, value in facts.items() if value is not None).encode()
+    offset = None
+    if declared.rate_hz is not None:
+        head += _rate_line(declared.rate_hz)
+    elif stretch.form.time:
+        offset = len(head)
+        head += b"#" + b" " * (_RATE_WIDTH - 2) + b"\n"
+    return head + ",".join(stretch.form.titles).encode() + b"\n", offset
+
+
+def _rate_line(rate_hz: float) -> bytes:
+    return f"# rate_hz: {rate_hz!r}".ljust(_RATE_WIDTH - 1).encode() + b"\n"
+
+
+def utc_now() -> str:
+    """The time of the system's clock, ISO 8601 with Z, to the millisecond."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,93 @@
+"""A file played back as if it came from the sensor, at any speed."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from threading import Event
+
+from gyronorth.live.lines import Form, LineReader
+from gyronorth.live.sources import CHUNK, Connected, Data, Emit, Ended
+from gyronorth.readers.delimited import stated_facts
+from gyronorth.readers.options import ReadOptions
+from gyronorth.recording import InputError
+
+#: Lines are handed over so often, s.
+STEP = 0.05
+#: A longer gap in the file, s, is not waited for.
+LONGEST_PAUSE = 15.0
+#: Bytes handed over in one step, at most.
+LARGEST_STEP = CHUNK
+#: Lines of the head among which the form must show.
+HEAD_LINES = 200
+
+
+class Replay:
+    """Hands over the lines of a file at the times they were measured, `speed` times faster.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or neither has a time column nor a rate.
+    """
+
+    live = False
+
+    def __init__(self, path: Path, options: ReadOptions, *, speed: float) -> None:
+        self.name = str(path)
+        self._path, self._speed = path, speed
+        reader = LineReader(path.name, options)
+        try:
+            with path.open("rb") as file:
+                head = b"".join(file.readline(CHUNK) for _ in range(HEAD_LINES))
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+        reader.push(head if head.endswith(b"\n") else head + b"\n")
+        if reader.form is None:
+            raise InputError(
+                f"{path.name} has no header and no row that is understood among its first {HEAD_LINES} lines; lines "
+                "such as those of `gyronorth simulate -o FILE.csv` can be replayed. `gyronorth convert` makes them."
+            )
+        facts, _ = stated_facts(reader.stated, path.name)
+        self._form: Form = reader.form
+        self._rate_hz = options.rate_hz or facts.rate_hz
+        if self._rate_hz is None and not self._form.time:
+            raise InputError(f"{path.name} has no time column and does not state its rate. Declare it: --rate HZ.")
+
+    def run(self, emit: Emit, stop: Event) -> None:
+        emit(Connected())
+        begun = time.monotonic()
+        played = 0.0  # s of the file's time
+        size = 1  # bytes of a step
+        last: float | None = None
+        with self._path.open("rb") as file:
+            while not stop.is_set():
+                lines = file.readlines(size)  # whole lines
+                if not lines:
+                    break
+                emit(Data(b"".join(lines)))
+                now = self._time(lines)
+                if now is None:
+                    step = len(lines) / self._rate_hz if self._rate_hz else 0.0
+                else:
+                    step = now - (now if last is None else last)
+                    step, last = step if 0 < step < LONGEST_PAUSE else 0.0, now
+                played += step
+                if step > 0:
+                    size = min(round(sum(map(len, lines)) * STEP * self._speed / step), LARGEST_STEP)
+                stop.wait(max(0.0, begun + played / self._speed - time.monotonic()))
+        emit(Ended())
+
+    def _time(self, lines: list[bytes]) -> float | None:
+        """The time stamp of the last line that has one."""
+        if not self._form.time:
+            return None
+        position = self._form.use[self._form.columns.index("t")]
+        for line in reversed(lines):
+            fields = line.split(b",")
+            if len(fields) == len(self._form.titles):
+                try:
+                    return float(fields[position])
+                except ValueError:
+                    continue
+        return None

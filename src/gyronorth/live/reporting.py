@@ -1,0 +1,60 @@
+"""The report of a session: the page that `gyronorth heading --report` writes."""
+
+from __future__ import annotations
+
+from math import degrees
+from pathlib import Path
+
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.estimate import Convergence
+from gyronorth.live.session import Settings
+from gyronorth.live.status import Status
+from gyronorth.report.html import heading_page
+from gyronorth.report.tables import Outcome
+from gyronorth.report.writing import written_beside
+
+
+def report_text(status: Status, settings: Settings) -> str | None:
+    """The report as one self-contained page; None before the first estimate."""
+    estimate, found = status.estimate, status.found
+    if estimate is None or found is None:
+        return None
+    time, heading, half_width, valid = found.trace.T
+    file = str(status.recording or status.source)
+    outcome = Outcome(file, estimate, heading_true=status.heading_true)
+    return heading_page(outcome, Convergence(time, heading, half_width, valid > 0), inputs=_inputs(status, settings))
+
+
+def report_path(recording: Path) -> Path:
+    """Where the report of a recording is written: beside it."""
+    return recording.with_suffix(".html")
+
+
+def write_report(status: Status, settings: Settings) -> Path | None:
+    """Write the report beside the recording; None where there is no estimate or no recording."""
+    text = report_text(status, settings)
+    if text is None or status.recording is None:
+        return None
+    path = report_path(status.recording)
+    with written_beside(path) as part:
+        part.write_text(text, encoding="utf-8", errors="backslashreplace")
+    return path
+
+
+def _inputs(status: Status, settings: Settings) -> list[tuple[str, str]]:
+    """What was declared, what was counted and what was marked."""
+    reading, counters = settings.reading, status.counters
+    inputs = [("source", status.source), ("method asked for", settings.method)]
+    declared = [(name, getattr(reading, name)) for name in ("axes", "gyro_unit", "accel_unit")]
+    inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
+    if reading.rate_hz is not None:
+        inputs.append(("declared rate", f"{reading.rate_hz:g} Hz"))
+    if any(reading.boresight):
+        inputs.append(("boresight", ", ".join(f"{degrees(angle):g}°" for angle in reading.boresight)))
+    if settings.gyro_bias is not None:
+        bias = ", ".join(f"{value / DEG_PER_HOUR:g}" for value in settings.gyro_bias)
+        inputs.append(("gyro bias subtracted", f"{bias} deg/h"))
+    inputs.append(("lines", f"{counters.lines}, of which {counters.good} good, {counters.garbage} garbage"))
+    inputs.append(("samples lost", f"{counters.lost} in {counters.gaps} gaps"))
+    inputs += [(f"mark at {mark.time:.1f} s", mark.text or "(no label)") for mark in status.marks]
+    return inputs

@@ -1,0 +1,429 @@
+"""One session: a source through to estimates, recording and status. Survives whatever the stream does."""
+
+from __future__ import annotations
+
+import queue
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from threading import Event, Thread
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.live.estimation import Estimation, Found
+from gyronorth.live.lines import Batch, Form, LineReader, Rows
+from gyronorth.live.recorder import Recorder, utc_now
+from gyronorth.live.sources import Connected, Data, Ended, Lost, Source, SourceEvent
+from gyronorth.live.status import Counters, Mark, Status
+from gyronorth.live.stretch import Stretch
+from gyronorth.live.timeline import Timeline
+from gyronorth.readers.delimited import stated_facts
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.source import Facts
+from gyronorth.recording import InputError
+from gyronorth.sensor import Sensor
+from gyronorth.streaming import StreamingHeading
+from gyronorth.validity import Finding
+
+Array = NDArray[np.float64]
+
+#: Bytes are taken together for so long, s.
+BATCH = 0.05
+#: A source that sends nothing for so long, s, has stalled.
+STALL = 2.0
+#: Pieces of the source that may wait, of at most 64 kB each.
+MOST_PIECES = 64
+#: Bytes that are parsed at a time, about: parsing needs some times their room.
+MOST_BYTES = 1 << 16
+#: Marks that are kept for the page.
+MOST_MARKS = 50
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is asked of a session; SI units and radians."""
+
+    reading: ReadOptions
+    sensor: Sensor | None = None
+    method: str = "auto"
+    gyro_bias: tuple[float, float, float] | None = None  # rad/s, body axes
+    save: Path | None = None
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the user wants, from the page."""
+
+    name: str  # start, stop, mark, sync
+    text: str = ""
+    done: Event | None = None  # set when it is
+
+
+class Session:
+    """Runs a source in threads; `status` is always the latest picture."""
+
+    def __init__(self, source: Source, settings: Settings) -> None:
+        self.status = Status("waiting", source.name, recording=settings.save)
+        self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
+        self.error: Exception | None = None  # why the session failed
+        self._source, self.settings = source, settings
+        self._queue: queue.Queue[SourceEvent | Command] = queue.Queue(MOST_PIECES)
+        self._stop = Event()
+        self._recorder = None if settings.save is None else Recorder(settings.save)
+        self._estimation = Estimation(self._estimated)
+        self._reader = LineReader(source.name, settings.reading)
+        self._stretch: Stretch | None = None
+        self._shown: Stretch | None = None  # the present one or, until the next begins, the last
+        self._timeline: Timeline | None = None
+        self._past = Counters()  # of the stretches behind
+        self._good = self._implausible = 0
+        self._connections = self._stalls = 0
+        self._last_data = time.monotonic()
+        self._broken = False  # the connection broke since the last row
+        self._facts: Facts | None = None  # that the stream stated when the last stretch began
+        self._statements = 0  # of the reader, at that time
+        self._usable = True  # whether samples can be made of the rows of the stretch
+        self._proven = False  # whether they could be of any
+        self._marks: list[Mark] = []
+        self._found: Found | None = None
+        self._failure: str | None = None  # of the estimator
+        self._state = "waiting"
+        self._trouble = "connecting"
+        self._message = ""
+
+    def start(self) -> None:
+        """Start the threads."""
+        self._estimation.start()
+        Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
+        self._thread = Thread(target=self._run, name="session", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop everything; the recording is complete and the last estimate made when this returns."""
+        self._stop.set()
+        self._thread.join()
+
+    def command(self, name: str, text: str = "") -> None:
+        """Start, stop or mark, as soon as the lines that came before are done."""
+        self._queue.put(Command(name, text))
+
+    def saved(self) -> None:
+        """Return when the recording is on the disk and the estimate is that of the latest sample."""
+        if self._thread.is_alive():
+            synced = Event()
+            self._queue.put(Command("sync", done=synced))
+            synced.wait(timeout=10)
+            self._estimation.flush()
+
+    def _run(self) -> None:
+        try:
+            while not self._stop.is_set() and self._state != "failed":
+                begun = time.monotonic()
+                self._take(self._waiting())
+                self._watch()
+                self._publish()
+                if self._queue.empty():
+                    self._stop.wait(max(0.0, begun + BATCH - time.monotonic()))
+            while self._state != "failed" and (rest := self._waiting(timeout=0.0)):
+                self._take(rest)
+            if self._state != "failed":
+                self._finish_stretch()
+        except Exception as error:  # a fault of ours: what was recorded stays, and the command shows it
+            self._fail(error)
+        finally:
+            if self._recorder is not None:
+                self._recorder.close()
+            self._estimation.end()
+            self._publish()
+            self.ended.set()
+
+    def _waiting(self, *, timeout: float = 0.1) -> list[SourceEvent | Command]:
+        """What has come from the source and the page; waits for the first."""
+        events: list[SourceEvent | Command] = []
+        try:
+            events.append(self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait())
+        except queue.Empty:
+            return []
+        while sum(len(event.bytes) for event in events if isinstance(event, Data)) < MOST_BYTES:
+            try:
+                events.append(self._queue.get_nowait())
+            except queue.Empty:
+                break
+        return events
+
+    def _take(self, events: list[SourceEvent | Command]) -> None:
+        pieces: list[bytes] = []
+        for event in [*events, None]:
+            if isinstance(event, Data):
+                pieces.append(event.bytes)
+                continue
+            if pieces:
+                self._data(b"".join(pieces))
+                pieces = []
+            match event:
+                case Connected():
+                    self._connections += 1
+                    self._trouble = ""
+                    self._last_data = time.monotonic()
+                case Lost(why):
+                    self._reader.cut()
+                    self._trouble = why
+                    self._broken = True
+                case Ended():
+                    self._batches(self._reader.end())
+                    self._end_of_source()
+                case Command("start"):
+                    self._finish_stretch()
+                    self._state, self._shown, self._found, self._failure = "waiting", None, None, None
+                case Command("stop"):
+                    self._finish_stretch()
+                    self._estimation.flush()
+                    self._state = "stopped"
+                case Command("mark", text):
+                    self._mark(text)
+                case Command("sync", done=Event() as done):
+                    if self._recorder is not None:
+                        self._recorder.sync(now=True)
+                    self._publish()
+                    done.set()
+
+    def _data(self, data: bytes) -> None:
+        if "stalled" in self._trouble:
+            self._trouble = ""
+        self._batches(self._read(data))
+        self._last_data = time.monotonic()
+
+    def _read(self, data: bytes) -> list[Batch]:
+        try:
+            return self._reader.push(data)
+        except InputError as error:
+            self._fail(error)
+            return []
+
+    def _batches(self, batches: list[Batch]) -> None:
+        for batch in batches:
+            if self._state in ("stopped", "failed", "ended"):
+                return
+            try:
+                self._rows(batch)
+            except InputError as error:
+                self._fail(error)
+
+    def _rows(self, batch: Batch) -> None:
+        """Good rows to their stretch, a new one where they do not go on from the last."""
+        stretch = self._stretch
+        if stretch is None or stretch.form != batch.form:
+            stretch = self._begin(batch, "the columns changed" if stretch else "")
+        elif self._broken and not batch.form.time:
+            stretch = self._begin(batch, "the connection broke, and without a time column the gap is unknown")
+        elif self._reader.statements != self._statements and self._stated_anew():
+            stretch = self._begin(batch, "the stream states another unit, rate, place or session")
+        self._broken = False
+        usable = stretch.usable(batch.rows)
+        self._implausible += int(len(usable) - usable.sum())
+        rows = batch.rows if usable.all() else batch.rows.take(usable)
+        pieces = [rows] if self._timeline is None else self._timeline.push(rows)
+        for number, piece in enumerate(pieces):
+            if number > 0:
+                self._begin(batch, "the time stamps jumped", timeline=self._timeline)
+            self._good += len(piece)
+            self._push(piece)
+
+    def _push(self, rows: Rows) -> None:
+        """Rows to the grid and to the disk; what cannot be bridged begins a new stretch."""
+        stretch = self._stretch
+        assert stretch is not None
+        samples = self._samples(stretch, rows) if self._usable else None
+        if samples is None and self._usable:
+            stretch = self._begin(Batch(stretch.form, rows), self._message, timeline=self._timeline)
+            samples = self._samples(stretch, rows)
+        if self._recorder is not None:
+            self._recorder.rows(rows)
+        if samples is not None:
+            self._estimate(stretch, *samples)
+
+    def _samples(self, stretch: Stretch, rows: Rows) -> tuple[Array, Array | None] | None:
+        """Samples of rows; None where they do not go on from those before, or are of no use from the first on."""
+        try:
+            return stretch.push(rows)
+        except InputError as error:
+            if stretch.samples == 0:
+                if not self._proven:
+                    raise  # nothing has come of this stream yet: it was declared wrongly
+                self._usable = False
+            self._message = f"No heading from here on: {error}" if stretch.samples == 0 else str(error)
+            return None
+
+    def _estimate(self, stretch: Stretch, gyro_b: Array, accel_b: Array | None) -> None:
+        if len(gyro_b) == 0:
+            return
+        rate_hz = stretch.rate_hz
+        assert rate_hz is not None
+        self._proven = True
+        if stretch.samples == len(gyro_b):
+            if self._recorder is not None:
+                self._recorder.rate(rate_hz)
+            self._estimation.begin(
+                StreamingHeading(
+                    rate_hz=rate_hz,
+                    latitude=stretch.latitude,
+                    accelerometer=accel_b is not None,
+                    sensor=self.settings.sensor,
+                    method=self.settings.method,
+                )
+            )
+        bias = self.settings.gyro_bias
+        self._estimation.put(gyro_b if bias is None else gyro_b - bias, accel_b)
+
+    def _begin(self, batch: Batch, why: str, *, timeline: Timeline | None = None) -> Stretch:
+        """A new stretch, with a recording of its own."""
+        stretch = self._new_stretch(batch.form)
+        if self._stretch is not None:
+            self._finish_stretch(held=timeline is None)
+            self._past = replace(self._past, restarts=self._past.restarts + 1)
+            self._message = f"Started anew: {why}" + ("" if why.endswith(".") else ".")
+        self._stretch = self._shown = stretch
+        if timeline is None:
+            timeline = Timeline(stretch.declared.rate_hz) if batch.form.time else None
+        self._timeline = timeline
+        if self._recorder is not None:
+            self._recorder.begin(stretch, self._source.name, start_time_utc=utc_now() if self._source.live else None)
+        self._estimation.begin(None)
+        self._state, self._marks, self._found, self._failure = "running", [], None, None
+        self._usable = True
+        return stretch
+
+    def _new_stretch(self, form: Form) -> Stretch:
+        """A stretch by what the stream states now or, where that does not hold, by what it stated before."""
+        name, reading, known = self._source.name, self.settings.reading, self._facts
+        self._statements = self._reader.statements
+        try:
+            stated, _ = stated_facts(self._reader.stated, name)
+            if known is not None:  # only the first stretch begins when the stream says
+                stated = replace(stated, start_time_utc=None)
+            stretch = Stretch(name, form, stated, reading)
+        except InputError:
+            if known is None:
+                raise
+            stated, stretch = known, Stretch(name, form, known, reading)
+        self._facts = replace(stated, start_time_utc=None)
+        return stretch
+
+    def _stated_anew(self) -> bool:
+        """Whether the comment lines of the stream now mean something else, and hold."""
+        self._statements = self._reader.statements
+        try:
+            stated, _ = stated_facts(self._reader.stated, self._source.name)
+        except InputError as error:
+            self._message = f"What the stream now states is left aside: {error}"
+            return False
+        return replace(stated, start_time_utc=None) != self._facts
+
+    def _finish_stretch(self, *, held: bool = True) -> None:
+        """What is still held goes to the disk and the estimator, and the file is closed."""
+        stretch = self._stretch
+        if stretch is None:
+            return
+        if held and self._timeline is not None:
+            rows = self._timeline.end()
+            if rows is not None:
+                self._good += len(rows)
+                self._push(rows)
+                stretch = self._stretch or stretch  # it may be another one now
+        try:
+            if self._usable:
+                self._estimate(stretch, *stretch.end())
+        except InputError as error:  # too few rows to know their rate
+            self._message = str(error)
+        if self._recorder is not None:
+            self._recorder.close()
+        counters = self._counters()
+        self._past = replace(self._past, lost=counters.lost, gaps=counters.gaps)
+        if held:
+            self._past = replace(self._past, strays=counters.strays, time_jumps=counters.time_jumps)
+            self._timeline = None
+        self._stretch = None
+
+    def _end_of_source(self) -> None:
+        self._finish_stretch()
+        self._estimation.flush()
+        if self._state != "failed":
+            self._state = "ended"
+        self._trouble = ""
+        self._publish()
+        self.ended.set()
+
+    def _mark(self, text: str) -> None:
+        stretch = self._stretch
+        if stretch is None:
+            return
+        seconds = stretch.samples / (stretch.rate_hz or 1.0)
+        text = " ".join(text.split())[:200]
+        self._marks = [*self._marks[1 - MOST_MARKS :], Mark(seconds, text)]
+        if self._recorder is not None:
+            self._recorder.mark(f"{seconds:.3f} s, {utc_now()}" + (f", {text}" if text else ""))
+
+    def _watch(self) -> None:
+        """Once per batch: the disk, and a source that has gone silent."""
+        if self._recorder is not None:
+            self._recorder.sync()
+        silent = time.monotonic() - self._last_data
+        if silent > STALL and self._queue.empty() and not self._trouble and self._state in ("waiting", "running"):
+            if self._state == "running":
+                self._stalls += 1
+            self._trouble = "stalled" if self._state == "running" else "no data yet (stalled)"
+
+    def _fail(self, error: Exception) -> None:
+        self._state, self.error, self._message = "failed", error, str(error)
+
+    def _estimated(self, found: Found | None, failure: str | None) -> None:
+        if found is not None:
+            self._found = found
+        self._failure = failure
+
+    def _counters(self) -> Counters:
+        stretch, timeline, past = self._stretch, self._timeline, self._past
+        return replace(
+            past,
+            lines=self._reader.lines,
+            good=self._good,
+            garbage=self._reader.garbage,
+            implausible=self._implausible,
+            strays=past.strays + (timeline.strays if timeline else 0),
+            time_jumps=past.time_jumps + (timeline.jumps if timeline else 0),
+            lost=past.lost + (stretch.missing if stretch else 0),
+            gaps=past.gaps + (stretch.gaps if stretch else 0),
+            connections=self._connections,
+            reconnects=max(0, self._connections - 1),
+            stalls=self._stalls,
+        )
+
+    def _publish(self) -> None:
+        stretch, recorder = self._shown, self._recorder
+        silent = time.monotonic() - self._last_data
+        findings = list(stretch.findings() if stretch else ())
+        if self._state == "running" and self._trouble:
+            message = f"No data for {silent:.0f} s ({self._trouble}): the unit may have moved since."
+            findings.append(Finding("stalled", message, silent, STALL))
+        if self._failure:
+            findings.append(Finding("not_computed", self._failure))
+        self.status = Status(
+            state=self._state,  # type: ignore[arg-type]
+            source=self._source.name,
+            connected=not self._trouble,
+            trouble=self._trouble,
+            silent=silent,
+            rate_hz=stretch.rate_hz if stretch else None,
+            seconds=stretch.samples / (stretch.rate_hz or 1.0) if stretch else 0.0,
+            counters=self._counters(),
+            last_garbage=self._reader.last_garbage,
+            found=self._found,
+            findings=tuple(findings),
+            marks=tuple(self._marks),
+            message=self._message,
+            recording=None if recorder is None else recorder.path,
+            recording_bytes=0 if recorder is None else recorder.bytes,
+            recording_error=None if recorder is None else recorder.error,
+            heading_true=stretch.declared.heading_true if stretch else None,
+        )

@@ -1,0 +1,158 @@
+"""One stretch of a stream without a break: rows to SI samples, as the offline reader makes them.
+
+The grid, the bridging of gaps and the checks of units and axes are those of `readers`, fed
+batch by batch, so that the recording of the stretch reads back to the same samples.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.live.lines import Form, Rows
+from gyronorth.readers.axes import in_axes
+from gyronorth.readers.declared import resolve
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.regularise import LARGEST_FORCE, LARGEST_RATE, MOST_MISSING, Regulariser
+from gyronorth.readers.source import Bad, Block, Clock, Facts, Source
+from gyronorth.recording import InputError
+from gyronorth.validity import Finding
+
+Array = NDArray[np.float64]
+
+#: Time stamps are looked at for so long, s, before the first sample: with a declared rate, and to measure it.
+LOOK_DECLARED, LOOK_MEASURE = 1.0, 10.0
+#: ... or for so many rows.
+LOOK_ROWS = 10_000
+#: Units and axes are judged from the first 2, 4, ... 32 s.
+FIRST_CHECK, LAST_CHECK = 2.0, 32.0
+#: Samples kept for that, at most.
+CHECKED_SAMPLES = 40_000
+
+
+class Stretch:
+    """Takes good rows in order of time; returns samples on a uniform grid.
+
+    Raises
+    ------
+    InputError
+        If a unit, the rate or the latitude is not known, or declarations contradict each other.
+    """
+
+    def __init__(self, name: str, form: Form, stated: Facts, options: ReadOptions) -> None:
+        clock = Clock(unit=1.0) if form.time else None
+        self.form, self.stated = form, stated
+        self._source = Source("live", name, form.columns, lambda: iter(()), stated, clock=clock)
+        self.declared = resolve(self._source, options)
+        if self.declared.latitude is None:
+            raise InputError(
+                "The latitude is not known: neither given nor in the stream. Pass --latitude DEG (north positive); "
+                "Earth rate cannot be read without it."
+            )
+        self.samples = 0
+        self.gaps = 0
+        self.objection: Finding | None = None  # what the checks of units and axes say
+        self._regulariser = Regulariser(self._source, self.declared, options)
+        self._rows = 0
+        self._looking: list[Array] | None = [] if form.time else None
+        self._checked: list[Array] | None = []
+        self._next_check = FIRST_CHECK
+
+    @property
+    def latitude(self) -> float:
+        """Latitude, rad."""
+        assert self.declared.latitude is not None
+        return self.declared.latitude
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Sample rate, Hz; None while it is being measured."""
+        settled = self._looking is None or self.declared.rate_hz is not None
+        return self._regulariser.rate_hz if settled else None
+
+    @property
+    def missing(self) -> int:
+        """Samples that were missing and are bridged."""
+        return self._regulariser.missing
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Why no heading of this stretch can be used, whatever it looks like."""
+        found = [] if self.objection is None else [self.objection]
+        if self.missing > MOST_MISSING * self.samples:
+            share = self.missing / self.samples
+            message = f"{share:.0%} of the samples are missing; up to {MOST_MISSING:.0%} are bridged."
+            found.append(Finding("gaps", message, share, MOST_MISSING))
+        return tuple(found)
+
+    def usable(self, rows: Rows) -> NDArray[np.bool_]:
+        """Which rows are plausible: within any sensor's range, and not all forces zero."""
+        data = rows.values[:, self.form.time :] * self.declared.scale
+        limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
+        usable: NDArray[np.bool_] = np.asarray((np.abs(data) <= limit).all(axis=1))
+        if data.shape[1] == 6:
+            usable &= (data[:, 3:] != 0).any(axis=1)
+        return usable
+
+    def push(self, rows: Rows) -> tuple[Array, Array | None]:
+        """Gyro and accelerometer samples, (n, 3), SI in body axes, that the rows add."""
+        values = rows.values
+        if self._looking is not None:
+            self._looking.append(values)
+            values = np.concatenate(self._looking)
+            span = values[-1, 0] - values[0, 0] if len(values) else 0.0
+            look = LOOK_MEASURE if self.declared.rate_hz is None else LOOK_DECLARED
+            if span < look and len(values) < LOOK_ROWS:
+                return self._split(np.zeros((0, len(self.declared.scale))))
+            self._looking = None
+        return self._gridded(values)
+
+    def end(self) -> tuple[Array, Array | None]:
+        """What was still looked at, at the end of the stream."""
+        held, self._looking = self._looking, None
+        if not held or sum(map(len, held)) < 2:
+            return self._split(np.zeros((0, len(self.declared.scale))))
+        return self._gridded(np.concatenate(held))
+
+    def _gridded(self, values: Array) -> tuple[Array, Array | None]:
+        if len(values) == 0:
+            return self._split(np.zeros((0, len(self.declared.scale))))
+        numbers = np.arange(self._rows + 1, self._rows + 1 + len(values))
+        self._rows += len(values)
+        samples = self._regulariser.push(Block(values, numbers, Bad.none()))
+        self.samples += len(samples)
+        self.gaps += len(self._regulariser.gaps)
+        self._regulariser.gaps.clear()
+        self._check(samples)
+        return self._split(samples)
+
+    def _split(self, samples: Array) -> tuple[Array, Array | None]:
+        parts = [samples[:, :3], samples[:, 3:] if samples.shape[1] == 6 else None]
+        mat = self.declared.mat_vf
+        if mat is not None:
+            parts = [None if part is None else in_axes(part, mat) for part in parts]
+        assert parts[0] is not None
+        return parts[0], parts[1]
+
+    def _check(self, samples: Array) -> None:
+        """Units and axes against Earth rate and gravity, on twice as much each time."""
+        if self._checked is None or self.rate_hz is None:
+            return
+        self._checked.append(samples)
+        if self.samples < min(self._next_check * self.rate_hz, CHECKED_SAMPLES):
+            return
+        seen = np.concatenate(self._checked)[:CHECKED_SAMPLES]
+        self.objection = self._objection(seen, self.rate_hz)
+        if self._next_check >= LAST_CHECK or self.samples >= CHECKED_SAMPLES:
+            self._checked = None
+        else:
+            self._next_check, self._checked = 2 * self._next_check, [seen]
+
+    def _objection(self, samples: Array, rate_hz: float) -> Finding | None:
+        try:
+            check_units(samples, self.declared, rate_hz=rate_hz, name=self._source.name)
+        except InputError as error:
+            return Finding("units_suspect", str(error))
+        notes = check_axes(samples, self.declared, name=self._source.name) if samples.shape[1] == 6 else ()
+        blocking = [Finding(note.code, note.message, note.value, note.limit) for note in notes if note.blocking]
+        return blocking[0] if blocking else None
