@@ -9,7 +9,7 @@ holds no result; everything else comes from docs/results/data/<benchmark>/<study
 
     {{study | table | row | column}}
 
-becomes a cell of a study: `table` is the beginning of the table's title, `row` its first cell. A block
+becomes a cell of a study: `table` is the table's title or its beginning, `row` its first cell. A block
 
     ```claims
     what is claimed | study | table | row | column | <= 0.45
@@ -90,7 +90,8 @@ def table_of(table: dict) -> Table:
 
 def cell(studies: dict[str, Study], study: str, title: str, row: str, column: str) -> Any:
     """One cell; whatever is not there exactly once is an error."""
-    tables = [table_of(t) for t in studies[study]["tables"] if t["title"].startswith(title)]
+    named = [t for t in studies[study]["tables"] if t["title"].startswith(title)]
+    tables = [table_of(t) for t in [t for t in named if t["title"] == title] or named]
     found = [r for t in tables for r in t.rows if r[0] == row]
     if len(tables) != 1 or len(found) != 1 or column not in tables[0].columns:
         sys.exit(f"{study} has {len(tables)} tables {title!r} and {len(found)} rows {row!r}, column {column!r}.")

@@ -11,15 +11,31 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.fixture
-def results(tmp_path, monkeypatch):
-    """docs/make_results.py, working in a folder of the test's."""
+def script():
+    """docs/make_results.py as a module."""
     spec = importlib.util.spec_from_file_location("make_results", ROOT / "docs/make_results.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    """docs/make_results.py, working in a folder of the test's."""
+    module = script()
     monkeypatch.setattr(module, "PAGES", tmp_path / "results")
     (tmp_path / "results").mkdir()
     return module
+
+
+def test_the_pages_are_what_their_data_give():
+    assert sorted(folder.name for folder in (ROOT / "docs/results/data").iterdir()) == [
+        "disturbed",
+        "paper",
+        "published",
+        "turned",
+    ]
+    assert script().main(["--check"]) == 0
 
 
 def study(folder, **changes):
