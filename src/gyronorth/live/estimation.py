@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 INTERVAL, SHARE = 1.0, 0.1
 #: What the pipeline loads when a unit was turned or disturbed: loaded at the start, not in the middle of a turn.
 LATER = ("scipy.linalg", "scipy.ndimage", "scipy.special", "scipy.stats")
+#: Size of a matrix that makes them take their working memory.
+WARM = 512
 #: Samples that may wait; the source waits with them.
 MOST_WAITING = 60_000
 
@@ -85,6 +87,7 @@ class Estimation:
     def _run(self) -> None:
         for name in LATER:
             import_module(name)
+        import_module("scipy.linalg").cho_factor(np.eye(WARM) @ np.eye(WARM))  # BLAS libraries take their room now
         while True:
             with self._condition:
                 self._condition.wait_for(lambda: self._ending or self._flushing, timeout=INTERVAL)
