@@ -55,7 +55,7 @@ def session_of(*events, save: Path | None = None, **settings) -> Session:
     settings.setdefault("reading", ReadOptions())
     session = Session(Played(*events), Settings(save=save, **settings))
     session.start()
-    assert session.ended.wait(30)
+    assert session.ended.wait(90)
     session.close()
     return session
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from threading import Condition, Thread
 
 import numpy as np
@@ -18,6 +19,10 @@ Array = NDArray[np.float64]
 
 #: Estimates are this far apart, s, and take at most this share of one core.
 INTERVAL, SHARE = 1.0, 0.1
+#: What the pipeline loads when a unit was turned or disturbed: loaded at the start, not in the middle of a turn.
+LATER = ("scipy.linalg", "scipy.ndimage", "scipy.special", "scipy.stats")
+#: Size of a matrix that makes them take their working memory.
+WARM = 512
 #: Samples that may wait; the source waits with them.
 MOST_WAITING = 60_000
 
@@ -80,6 +85,9 @@ class Estimation:
             self._condition.wait_for(lambda: not self._flushing or not self._thread.is_alive(), timeout=60)
 
     def _run(self) -> None:
+        for name in LATER:
+            import_module(name)
+        import_module("scipy.linalg").cho_factor(np.eye(WARM) @ np.eye(WARM))  # BLAS libraries take their room now
         while True:
             with self._condition:
                 self._condition.wait_for(lambda: self._ending or self._flushing, timeout=INTERVAL)
