@@ -116,7 +116,7 @@ def test_wrong_input_is_named(bundle):
     with pytest.raises(InputError, match="holds proposals for `solve`"):
         run(bundle, np.zeros((1, 300, 3)))
     paper = load_bundle(shipped_bundle("paper"))
-    with pytest.raises(InputError, match="paper holds no proposal network"):
+    with pytest.raises(InputError, match="paper holds neither proposals nor"):
         headings(paper, made)
 
 

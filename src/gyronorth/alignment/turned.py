@@ -196,7 +196,12 @@ class _Solution:
 
     @property
     def bias_sigma(self) -> Array:
-        return np.sqrt(np.diag(self.covariance)[COLUMNS["bias"]])
+        return self.deviation[COLUMNS["bias"]]
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of each parameter; where nearly nothing is left, rounding may reach below zero."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def log_likelihood(self) -> float:
@@ -214,7 +219,7 @@ class _Solution:
         sigma = inflation * float(np.sqrt(gradient @ self.covariance[:3, :3] @ gradient))
         parts = self._parts(blocks, sensor, gradient)
         roll, pitch = level(-self.state.end[2])
-        deviation = np.sqrt(np.diag(self.covariance))
+        deviation = self.deviation
         value, bias = self.state.value, COLUMNS["bias"]
         diagonal = np.arange(6, 15, 4)
         return TurnedFit(

@@ -5,24 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
+from functools import cache
+from importlib.util import find_spec
 from threading import Condition, Thread
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth import pipeline
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.recording import InputError
+from gyronorth.simulation import Motion, simulate
 from gyronorth.streaming import StreamingHeading
 
 Array = NDArray[np.float64]
 
 #: Estimates are this far apart, s, and take at most this share of one core.
 INTERVAL, SHARE = 1.0, 0.1
-#: What the pipeline loads when a unit was turned or disturbed: loaded at the start, not in the middle of a turn.
-LATER = ("scipy.linalg", "scipy.ndimage", "scipy.special", "scipy.stats")
-#: Size of a matrix that makes them take their working memory.
-WARM = 512
 #: Samples that may wait; the source waits with them.
 MOST_WAITING = 60_000
 
@@ -85,9 +84,8 @@ class Estimation:
             self._condition.wait_for(lambda: not self._flushing or not self._thread.is_alive(), timeout=60)
 
     def _run(self) -> None:
-        for name in LATER:
-            import_module(name)
-        import_module("scipy.linalg").cho_factor(np.eye(WARM) @ np.eye(WARM))  # BLAS libraries take their room now
+        _warm()
+        fresh = False  # whether samples came since the last estimate
         while True:
             with self._condition:
                 self._condition.wait_for(lambda: self._ending or self._flushing, timeout=INTERVAL)
@@ -97,8 +95,9 @@ class Estimation:
                 self._condition.notify_all()
             if present is not None:
                 self._add(present, waiting)
-                if ending or flushing or (waiting and time.monotonic() >= self._due):
-                    begun = time.thread_time()
+                fresh = fresh or bool(waiting)
+                if ending or flushing or (fresh and time.monotonic() >= self._due):
+                    begun, fresh = time.thread_time(), False
                     self._estimate(present)
                     self._due = time.monotonic() + (time.thread_time() - begun) / SHARE
             if flushing:
@@ -127,3 +126,14 @@ class Estimation:
         with self._condition:
             if self._present is heading:  # else it is of a stretch that is over
                 self._done(found, failure)
+
+
+@cache
+def _warm() -> None:
+    """Run once what `auto` may turn to later, so that it takes its memory at the start and not during a turn."""
+    unit, rng = {"sensor": "isa100c", "latitude": 0.8, "heading": 0.0, "duration": 300.0}, np.random.default_rng(0)
+    half_turn = Motion(turns=((145.0, 10.0, np.pi),))
+    pipeline.heading(simulate(**unit, rate_hz=100.0, rng=rng, motion=half_turn), sensor=unit["sensor"])
+    still = simulate(**unit, rate_hz=10.0, rng=rng)
+    for method in ("bayes", *(["learned"] if find_spec("onnxruntime") else [])):
+        pipeline.heading(still, sensor=unit["sensor"], method=method)
