@@ -47,8 +47,8 @@ UNKNOWN_SCALE, UNKNOWN_MISALIGNMENT, UNKNOWN_ACCEL_BIAS = 3e-3, 1e-3, 5e-3 * STA
 UNKNOWN_FLICKER = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 #: A fit this improbable under the noise law widens its covariance by chi2 / dof.
 IMPROBABLE = 1e-3
-#: Least noise density that is inferred, SI units: rounding of a record without noise is none.
-QUIETEST = 1e-9
+#: Least noise densities that are inferred, of rate, rad/s sqrt(s), and force, m/s^2 sqrt(s): below the best sensors'.
+QUIETEST, QUIETEST_FORCE = 3e-8, 1e-5
 
 
 @dataclass(frozen=True)
@@ -374,7 +374,7 @@ def _candidates(blocks: Blocks, fine: Blocks) -> list[Sensor]:
     longest = max([blocks.seconds[blocks.stretch == s].sum() for s in range(blocks.stretch.max() + 1)], default=100.0)
     accel = TriadErrors(turn_on_bias=UNKNOWN_ACCEL_BIAS, misalignment=UNKNOWN_MISALIGNMENT)
     if blocks.accel_b is not None:
-        accel = replace(accel, white=max(_scatter(blocks, blocks.accel_b)[0], 1e-9))
+        accel = replace(accel, white=max(_scatter(blocks, blocks.accel_b)[0], QUIETEST_FORCE))
     gyro = TriadErrors(white=white, scale_factor=UNKNOWN_SCALE, misalignment=UNKNOWN_MISALIGNMENT)
     return [
         Sensor("inferred", replace(gyro, flicker=ratio * white / np.sqrt(longest)), accel) for ratio in UNKNOWN_FLICKER
