@@ -131,9 +131,9 @@ class Estimation:
 @cache
 def _warm() -> None:
     """Run once what `auto` may turn to later, so that it takes its memory at the start and not during a turn."""
-    unit, rng = {"sensor": "isa100c", "latitude": 0.8, "heading": 0.0, "duration": 300.0}, np.random.default_rng(0)
-    half_turn = Motion(turns=((145.0, 10.0, np.pi),))
-    pipeline.heading(simulate(**unit, rate_hz=100.0, rng=rng, motion=half_turn), sensor=unit["sensor"])
+    unit, rng = {"sensor": "isa100c", "latitude": 0.8, "heading": 0.0, "duration": 100.0}, np.random.default_rng(0)
+    half_turn = Motion(turns=((45.0, 10.0, np.pi),))
+    pipeline.heading(simulate(**unit, rate_hz=200.0, rng=rng, motion=half_turn), sensor=unit["sensor"])
     still = simulate(**unit, rate_hz=10.0, rng=rng)
     for method in ("bayes", *(["learned"] if find_spec("onnxruntime") else [])):
         pipeline.heading(still, sensor=unit["sensor"], method=method)
