@@ -403,3 +403,11 @@ def test_auto_covers_the_reference_mix_with_an_accelerometer():
     found = [heading(Recording(g, a, 10.0, latitude=0.56), sensor="isa100c") for g, a in zip(gyro, accel, strict=True)]
     off = np.abs(angle_error([one.heading for one in found], true))
     assert np.mean(off < 1.96 * np.array([one.sigma for one in found])) > 0.72
+
+
+def test_a_slow_turn_between_two_poses_is_named_as_what_it_is():
+    motion = Motion(turns=((40.0, 25.0, np.pi),))
+    slow = simulate(
+        "isa100c", latitude=0.8, heading=1.0, duration=105, rate_hz=10, rng=np.random.default_rng(0), motion=motion
+    )
+    assert heading(slow, sensor="isa100c").method_reason == "2 poses and 1 steady rotation"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.closed_form import Levelled
+from gyronorth.alignment.turned_segments import Segments
 from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimated, still_segments
 from gyronorth.deviation import DeviationModel
@@ -329,7 +330,7 @@ def _find(
         if method == "turned" or segments.poses > 1:
             angles = None if turn_angles is None else np.asarray(turn_angles, dtype=float)
             turned = solve_turned(data, segments, angles)
-            why = "asked for" if method == "turned" else f"{segments.poses} poses"
+            why = "asked for" if method == "turned" else _counted(segments)
             return _Found(
                 "turned",
                 turned.solution,
@@ -368,6 +369,13 @@ def _find(
         solution, unrest = solve_bayes(data, closed, moved)
         return _Found("bayes", solution, "asked for", moved, unrest=unrest)
     return _of_one_pose(data, closed, moved, mean)
+
+
+def _counted(segments: Segments) -> str:
+    """Poses and steady rotations in words."""
+    spins = sum(turn.spin for turn in segments.turns)
+    counts = ((segments.poses - spins, "pose"), (spins, "steady rotation"))
+    return " and ".join(f"{count} {name}{'s' * (count > 1)}" for count, name in counts if count)
 
 
 def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solution) -> _Found:
