@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,12 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.closed_form import Levelled
 from gyronorth.alignment.turned_segments import Segments
-from gyronorth.angles import wrap_heading
-from gyronorth.conditioning import decimated, still_segments
+from gyronorth.conclusion import Found, as_batch, estimate_of
+from gyronorth.conditioning import decimated
 from gyronorth.deviation import DeviationModel
-from gyronorth.earth import EARTH_RATE
-from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate, Pose, Turn, Unrest
-from gyronorth.recording import InputError, Recording, shift_utc
+from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate
+from gyronorth.recording import InputError, Recording
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.solution import (
     Data,
@@ -46,7 +45,7 @@ from gyronorth.specialists import (
     solve_turned,
     with_deviation,
 )
-from gyronorth.validity import Finding, Gate, implied_latitude, length_gate
+from gyronorth.validity import Finding, length_gate
 
 if TYPE_CHECKING:
     from gyronorth.alignment.learned import LoadedBundle
@@ -65,22 +64,6 @@ UNSTEADY = 0.5
 LATITUDE_CONFLICT = np.radians(0.1)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
 GROUP_SAMPLES = 1_500_000
-
-
-@dataclass(frozen=True)
-class _Found:
-    """What one method found of one recording, before it becomes an estimate."""
-
-    method: str
-    solution: Solution
-    why: str
-    moved: Disturbance | None = None
-    poses: tuple[Pose, ...] = ()
-    turns: tuple[Turn, ...] = ()
-    gyro_bias: tuple[float, float, float] | None = None
-    bundle: str | None = None
-    warnings: tuple[Finding, ...] = ()
-    unrest: Unrest | None = None
 
 
 def heading(
@@ -143,12 +126,12 @@ def heading(
         raise InputError(f"Turn angles belong to method turned, or auto; method {method} was given. Leave them out.")
     short = length_gate(data.gyro_b.shape[-2], data.duration, ())
     if short.failed:
-        found = _Found("mean", replace(unknown(mean_alignment(data)), gates=[short]), "too short for any other")
+        found = Found("mean", replace(unknown(mean_alignment(data)), gates=[short]), "too short for any other")
     else:
         found = _find(method, data, model, turn_angles, session=recording.session)
     if deviation is not None:
         found = _deviated(found, data, deviation, session=recording.session)
-    estimate = _estimate(recording, data, found)
+    estimate = estimate_of(recording, data, found)
     for note in recording.notes:
         if note.blocking and estimate.valid:
             raise InputError(note.message)
@@ -323,7 +306,7 @@ def _find(
     turn_angles: Sequence[float] | None,
     *,
     session: str | None = None,
-) -> _Found:
+) -> Found:
     """What the asked method, or the one that auto chooses, finds in one recording."""
     if method in ("auto", "turned") and data.attitude is None:
         segments = segments_of(data)
@@ -331,7 +314,7 @@ def _find(
             angles = None if turn_angles is None else np.asarray(turn_angles, dtype=float)
             turned = solve_turned(data, segments, angles)
             why = "asked for" if method == "turned" else _counted(segments)
-            return _Found(
+            return Found(
                 "turned",
                 turned.solution,
                 why,
@@ -353,21 +336,21 @@ def _find(
         if method == "learned":
             solution, unrest = solve_learned(data, closed, moved, bundle)
             warnings = () if unrest is None or unrest.fits else (Finding("swaying", UNLEARNED),)
-            return _Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings, unrest=unrest)
+            return Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings, unrest=unrest)
         if bundle.info.method in set(TRAINED) - {method}:
             raise InputError(
                 f"The bundle {bundle.name} is one of method {bundle.info.method}, but method {method} was asked for. "
                 f"Use --method {bundle.info.method} with it."
             )
-        return _Found(method, solve_network(data, closed, moved, bundle), "asked for", moved, bundle=bundle.name)
+        return Found(method, solve_network(data, closed, moved, bundle), "asked for", moved, bundle=bundle.name)
     mean = solve_mean(data, closed, moved)
     if method == "mean":
-        return _Found("mean", mean, "asked for", moved)
+        return Found("mean", mean, "asked for", moved)
     if method == "inertial":
-        return _Found("inertial", solve_inertial(data, moved), "asked for", moved)
+        return Found("inertial", solve_inertial(data, moved), "asked for", moved)
     if method == "bayes":
         solution, unrest = solve_bayes(data, closed, moved)
-        return _Found("bayes", solution, "asked for", moved, unrest=unrest)
+        return Found("bayes", solution, "asked for", moved, unrest=unrest)
     return _of_one_pose(data, closed, moved, mean)
 
 
@@ -378,13 +361,13 @@ def _counted(segments: Segments) -> str:
     return " and ".join(f"{count} {name}{'s' * (count > 1)}" for count, name in counts if count)
 
 
-def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solution) -> _Found:
+def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solution) -> Found:
     """The choice of auto where there is one pose: the mean, or what has the smallest sigma under disturbance."""
     can_trace = data.accel_b is not None and data.attitude is None
     traced = solve_inertial(data, moved) if can_trace and (moved.detected or data.sensor is None) else None
     disturbed = bool(moved.detected) or (traced is not None and bool(prefers_inertial(data, moved, mean, traced)))
     if not disturbed:
-        return _Found("mean", mean, "one pose, undisturbed", moved)
+        return Found("mean", mean, "one pose, undisturbed", moved)
     candidates = {"mean": mean}
     if traced is not None:
         candidates["inertial"] = traced
@@ -400,18 +383,18 @@ def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solutio
     why = f"one pose, disturbed: sigma {sigmas}"
     if modelled is not None and best == modelled.method:
         return replace(modelled, why=why)
-    return _Found(best, candidates[best], why, moved, unrest=unrest)
+    return Found(best, candidates[best], why, moved, unrest=unrest)
 
 
-def _modelled(data: Data, closed: Levelled, moved: Disturbance) -> _Found:
+def _modelled(data: Data, closed: Levelled, moved: Disturbance) -> Found:
     """The method that models disturbance: learned, or bayes where it cannot run or explain the recording."""
     if find_spec("onnxruntime") is not None:
         bundle = _bundle("learned", None)
         solution, unrest = solve_learned(data, closed, moved, bundle)
         if unrest is not None and unrest.fits:
-            return _Found("learned", solution, "", moved, bundle=bundle.name, unrest=unrest)
+            return Found("learned", solution, "", moved, bundle=bundle.name, unrest=unrest)
     solution, unrest = solve_bayes(data, closed, moved)
-    return _Found("bayes", solution, "", moved, unrest=unrest)
+    return Found("bayes", solution, "", moved, unrest=unrest)
 
 
 def _bundle(method: str, model: str | Path | None) -> LoadedBundle:
@@ -437,13 +420,11 @@ def _one_of_batch(method: str, data: Data, model: str | Path | None, index: int)
             "The bundle corrects recordings of one session, and a batch says none. Use `heading` with each recording."
         )
     found = _find(method, one, model, None)
-    single = _as_batch(found.solution, saturation_gates(one), np.asarray(method))
+    single = as_batch(found.solution, saturation_gates(one), np.asarray(method))
     return HeadingBatch(*(np.asarray(value)[None] for value in vars(single).values()))
 
 
-def _corrected(
-    data: Data, closed: Levelled, moved: Disturbance, bundle: LoadedBundle, *, session: str | None
-) -> _Found:
+def _corrected(data: Data, closed: Levelled, moved: Disturbance, bundle: LoadedBundle, *, session: str | None) -> Found:
     """The closed form with the correction that a bundle learned from its unit's own recordings."""
     from gyronorth.alignment.bundle import RecordingFacts, mismatch
 
@@ -451,12 +432,12 @@ def _corrected(
     sensor = None if data.sensor is None else data.sensor.name
     misfits = mismatch(bundle.info, RecordingFacts(data.rate_hz, data.duration, data.latitude, sensor))
     if misfits:
-        return _Found("learned", mismatched(closed, bundle, misfits), "asked for", moved, bundle=bundle.name)
-    found = _Found("mean", solve_mean(data, closed, moved), "asked for", moved, bundle=bundle.name)
+        return Found("learned", mismatched(closed, bundle, misfits), "asked for", moved, bundle=bundle.name)
+    found = Found("mean", solve_mean(data, closed, moved), "asked for", moved, bundle=bundle.name)
     return replace(_deviated(found, data, bundle.deviation, session=session), method="learned")
 
 
-def _deviated(found: _Found, data: Data, model: DeviationModel, *, session: str | None) -> _Found:
+def _deviated(found: Found, data: Data, model: DeviationModel, *, session: str | None) -> Found:
     """`found` corrected by a deviation curve, with the warning that says whether it was."""
     if found.method != "mean":
         raise InputError(
@@ -487,11 +468,11 @@ def _batch(method: str, data: Data) -> HeadingBatch:
     short = length_gate(data.gyro_b.shape[-2], data.duration, shape)
     names = np.full(shape, "mean", dtype="<U16")
     if short.failed.any():
-        return _as_batch(unknown(found), [short], names)
+        return as_batch(unknown(found), [short], names)
     moved = disturbance(data, found)
     mean = solve_mean(data, found, moved)
     extra = saturation_gates(data)
-    result = _as_batch(mean, extra, names)
+    result = as_batch(mean, extra, names)
     asked = np.full(shape, method == "inertial" or (method == "auto" and data.sensor is None)) | moved.detected
     if method == "mean" or data.accel_b is None or not asked.any():
         return result
@@ -503,101 +484,8 @@ def _batch(method: str, data: Data) -> HeadingBatch:
     take = np.ones(asked.sum(), bool)
     if method == "auto":
         take = prefers_inertial(some, moved, solve_mean(some, found, moved), traced)
-    other = _as_batch(traced, saturation_gates(some), np.full(asked.sum(), "inertial", dtype="<U16"))
+    other = as_batch(traced, saturation_gates(some), np.full(asked.sum(), "inertial", dtype="<U16"))
     rows = np.flatnonzero(asked)[take]
     for name, values in vars(other).items():
         getattr(result, name)[rows] = values[take]
     return result
-
-
-def _as_batch(solution: Solution, extra: list[Gate], method: NDArray[np.str_]) -> HeadingBatch:
-    centre, half = solution.levelled.heading, solution.half_width
-    whole = half >= np.pi
-    failed = np.any([gate.failed for gate in [*solution.gates, *extra]], axis=0)
-    return HeadingBatch(
-        heading=centre,
-        sigma=solution.sigma,
-        low=np.where(whole, 0.0, wrap_heading(centre - half)),
-        high=np.where(whole, 2 * np.pi, wrap_heading(centre + half)),
-        valid=~failed,
-        method=method,
-    )
-
-
-def _estimate(recording: Recording, data: Data, found: _Found) -> HeadingEstimate:
-    levelled, solution = found.solution.levelled, found.solution
-    known = not any(gate.code == "bundle_mismatch" for gate in solution.gates)
-    bounds = _as_batch(solution, [], np.asarray(found.method))
-    poses = found.poses or ((Pose(0.0, recording.duration, float(levelled.heading)),) if known else ())
-    first, last = (round(edge * data.rate_hz) for edge in (poses[-1].start, poses[-1].end)) if poses else (0, None)
-    mean = data.gyro_b[first:last].mean(axis=0)
-    norm = float(np.linalg.norm(mean))
-    arm = EARTH_RATE * np.cos(data.latitude)
-    if found.method in ("mean", "inertial") and "deviation" not in solution.parts:
-        arm = np.sqrt(np.hypot(*levelled.rate_l[:2]) * arm)
-    arm = max(float(arm), np.finfo(float).tiny)
-    gates = [*solution.gates, *saturation_gates(data)]
-    reasons = [finding for gate in gates if (finding := gate.finding())]
-    return HeadingEstimate(
-        heading=float(levelled.heading) if known else None,
-        sigma=float(solution.sigma) if known else None,
-        interval95=(float(bounds.low), float(bounds.high)),
-        reasons=tuple(_explained(finding, recording) for finding in reasons),
-        warnings=(*_warnings(recording, data, found.moved), *found.warnings),
-        method=found.method,
-        method_reason=found.why,
-        bundle=found.bundle,
-        roll=float(levelled.roll),
-        pitch=float(levelled.pitch),
-        latitude=data.latitude,
-        sensor=None if data.sensor is None else data.sensor.name,
-        duration=recording.duration,
-        rate_hz=recording.rate_hz,
-        end_time_utc=shift_utc(recording.start_time_utc, recording.duration),
-        poses=poses,
-        turns=found.turns,
-        sigma_parts={name: float(min(np.sqrt(value) / arm, np.pi)) for name, value in solution.parts.items()},
-        gyro_bias=found.gyro_bias,
-        rate_mean=(float(mean[0]), float(mean[1]), float(mean[2])),
-        rate_norm=norm,
-        implied_latitude=float(implied_latitude(levelled.rate_l)) if norm > 0 else None,
-        unrest=found.unrest,
-    )
-
-
-def _explained(finding: Finding, recording: Recording) -> Finding:
-    """Point from `motion` to the segment that stood still longest."""
-    if finding.code != "motion":
-        return finding
-    segments = still_segments(recording.gyro_b, rate_hz=recording.rate_hz)
-    start, end = max(segments, key=lambda segment: segment[1] - segment[0], default=(0.0, recording.duration))
-    if end - start >= recording.duration:
-        return finding
-    start, end = np.ceil(start), np.floor(end)
-    hint = f" It stood still longest from {start:.0f} to {end:.0f} s: try --window {start:.0f}:{end:.0f}."
-    return replace(finding, message=finding.message + hint)
-
-
-def _warnings(recording: Recording, data: Data, moved: Disturbance | None) -> tuple[Finding, ...]:
-    warnings = []
-    if data.sensor is None:
-        message = "No sensor profile: the size of the gyro's errors is inferred from the recording itself."
-        warnings.append(Finding("bias_unknown", message))
-    if data.accel_b is None and data.attitude is None:
-        cost = np.tan(abs(data.latitude))
-        message = f"No accelerometer: the unit is taken as level; each degree of tilt costs up to {cost:.2f} deg."
-        warnings.append(Finding("assumed_level", message))
-    if moved is not None and moved.detected:
-        warnings.append(_swaying(moved))
-    warnings += [Finding(note.code, note.message, note.value, note.limit) for note in recording.notes]
-    return tuple(warnings)
-
-
-def _swaying(moved: Disturbance) -> Finding:
-    """The warning of sway, with the statistic that showed it."""
-    if moved.angle > moved.angle_limit or moved.tilt <= moved.tilt_limit:
-        what, value, limit = "The attitude swayed by {:.1f} arcsec rms about its trend", moved.angle, moved.angle_limit
-    else:
-        what, value, limit = "The tilt changed by {:.1f} arcsec over the recording", moved.tilt, moved.tilt_limit
-    value, limit = (float(np.degrees(angle) * 3600) for angle in (value, limit))
-    return Finding("swaying", what.format(value) + f"; at rest it stays below {limit:.1f} arcsec.", value, limit)
