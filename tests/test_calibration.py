@@ -70,3 +70,11 @@ def test_a_swing_that_cannot_be_used_is_refused(swing):
         calibrate([*swing, replace(swing[0], latitude=None)])
     with pytest.raises(InputError, match="method is inertial"):
         heading(swing[0], sensor=SENSOR, method="inertial", deviation=calibrate(swing).model)
+
+
+def test_a_curve_is_of_one_latitude(swing):
+    with pytest.raises(InputError, match=r"latitudes 32\.11 to 60\.00 deg"):
+        calibrate([*swing, replace(swing[0], latitude=np.radians(60.0))])
+    elsewhere = replace(swing[0], latitude=np.radians(35.0))
+    with pytest.raises(InputError, match=r"measured at latitude 32\.11 deg"):
+        heading(elsewhere, sensor=SENSOR, method="mean", deviation=calibrate(swing).model)

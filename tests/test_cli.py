@@ -263,6 +263,8 @@ class TestFolder:
         (("--csv", HERE), ("--csv", "is the recording")),
         (("--csv", "x.png", "--plot", "x.png"), ("--plot", "--csv")),
         (("--nonsense",), ("--nonsense",)),
+        (("--any-session",), ("--any-session", "deviation.json")),
+        (("--deviation", "curve.json", "--gyro-bias", "1,0,0"), ("--gyro-bias", "twice")),
     ],
 )
 def test_bad_usage_is_one_message(rec, tmp_path, monkeypatch, arguments, words):

@@ -212,3 +212,8 @@ def test_a_swing_needs_one_session_and_one_latitude(tmp_path, sessions, latitude
     data = own_data(swing_folder(tmp_path, sessions, latitudes), settings=SHORT, reading=reading)
     assert data.session == session
     assert (data.swing is not None) == swings
+
+
+def test_too_few_recordings_train_nothing(folder):
+    with pytest.raises(InputError, match="holds 2 recordings; at least 10"):
+        own_data(folder, settings=SHORT)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gyronorth.alignment.closed_form import align_mean
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.deviation import FEWEST, DeviationModel, fit_deviation, rate_surplus
+from gyronorth.pipeline import LATITUDE_CONFLICT
 from gyronorth.recording import InputError, Recording
 
 Array = NDArray[np.float64]
@@ -83,6 +84,12 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
             "curve holds within one power-up session. Calibrate each on its own."
         )
     observed = [observe(recording, latitude) for recording in recordings]
+    places = np.array([recording.latitude if latitude is None else latitude for recording in recordings], dtype=float)
+    if np.ptp(places) > LATITUDE_CONFLICT:
+        raise InputError(
+            f"The recordings are of latitudes {np.degrees(places.min()):.2f} to {np.degrees(places.max()):.2f} deg; "
+            "a deviation curve holds at one place. Leave out those of another."
+        )
     heading, surplus, truth = (np.array(column) for column in zip(*observed, strict=True))
     session = sessions.pop()
     duration = float(np.median([recording.duration for recording in recordings]))
@@ -92,7 +99,9 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
         model = fit_deviation(heading[others], surplus[others], truth[others])
         corrected, spread = model.correct(heading[index], surplus[index])
         left_out[index], sigma[index] = angle_error(corrected[0], truth[index]), spread[0]
-    model = fit_deviation(heading, surplus, truth, session=session, duration=duration)
+    model = fit_deviation(
+        heading, surplus, truth, session=session, duration=duration, latitude=float(np.median(places))
+    )
     return Calibration(model, truth, angle_error(heading, truth), left_out, sigma)
 
 

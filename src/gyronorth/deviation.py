@@ -85,6 +85,7 @@ class DeviationModel:
     unit: str | None = None  # the unit the recordings come from
     session: str | None = None  # the set or power-up session they come from
     duration: float | None = None  # of the recordings, s
+    latitude: float | None = None  # at which they were made, rad
 
     def predict(
         self, heading: ArrayLike, surplus: ArrayLike, *, in_set: ArrayLike = True
@@ -183,6 +184,7 @@ def fit_deviation(
     unit: str | None = None,
     session: str | None = None,
     duration: float | None = None,
+    latitude: float | None = None,
 ) -> DeviationModel:
     """Fit the deviation to recordings of known heading, one entry a recording.
 
@@ -192,6 +194,8 @@ def fit_deviation(
         Heading of the mean rate, surplus (`rate_surplus`), true heading; rad.
     prior : DeviationPrior
         What is believed beforehand.
+    unit, session, duration, latitude
+        Of the recordings, as the model states them; s and rad.
 
     Raises
     ------
@@ -235,6 +239,7 @@ def fit_deviation(
         unit=unit,
         session=session,
         duration=duration,
+        latitude=latitude,
     )
 
 

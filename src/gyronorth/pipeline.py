@@ -60,6 +60,8 @@ TRAINED = ("learned", "paper", "baseline")
 UNLEARNED = "The disturbance is of no kind that was learned; sigma is widened by what stays unexplained."
 #: Probability that the bias settles or walks from which auto takes no method that holds it constant.
 UNSTEADY = 0.5
+#: A deviation curve applies within this of the latitude it was measured at, rad.
+DEVIATION_LATITUDE = np.radians(2.0)
 #: Latitudes given and stored may differ by this, rad, before it is a mistake.
 LATITUDE_CONFLICT = np.radians(0.1)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
@@ -342,7 +344,8 @@ def _find(
                 f"The bundle {bundle.name} is one of method {bundle.info.method}, but method {method} was asked for. "
                 f"Use --method {bundle.info.method} with it."
             )
-        return Found(method, solve_network(data, closed, moved, bundle), "asked for", moved, bundle=bundle.name)
+        solution = solve_network(data, closed, moved, bundle)
+        return Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=_carried(bundle))
     mean = solve_mean(data, closed, moved)
     if method == "mean":
         return Found("mean", mean, "asked for", moved)
@@ -352,6 +355,19 @@ def _find(
         solution, unrest = solve_bayes(data, closed, moved)
         return Found("bayes", solution, "asked for", moved, unrest=unrest)
     return _of_one_pose(data, closed, moved, mean)
+
+
+def _carried(bundle: LoadedBundle) -> tuple[Finding, ...]:
+    """That a network has learned one unit's own error with everything else."""
+    domain = bundle.info.domain
+    if domain.unit is None and domain.session is None:
+        return ()
+    unit, session = domain.unit or "not stated", domain.session or "not stated"
+    message = (
+        f"The bundle {bundle.name} was trained on unit {unit}, session {session}: part of what it learned is that "
+        "unit's own error and holds for no other."
+    )
+    return (Finding("deviation_applied", message),)
 
 
 def _counted(segments: Segments) -> str:
@@ -442,6 +458,11 @@ def _deviated(found: Found, data: Data, model: DeviationModel, *, session: str |
     if found.method != "mean":
         raise InputError(
             f"A deviation curve corrects the closed form, but the method is {found.method}. Use --method mean with it."
+        )
+    if model.latitude is not None and abs(model.latitude - data.latitude) > DEVIATION_LATITUDE:
+        raise InputError(
+            f"The deviation curve was measured at latitude {np.degrees(model.latitude):.2f} deg, this recording is of "
+            f"{np.degrees(data.latitude):.2f} deg: the same bias costs another angle there. Measure a new curve."
         )
     in_set = model.covers(session)
     if in_set:

@@ -200,9 +200,11 @@ def solve_network(data: Data, mean: Levelled, moved: Disturbance, bundle: Loaded
     """Heading of a trained bundle, with the error it had on recordings it had not seen.
 
     A network claims no uncertainty of its own. Its sigma is the cyclic root mean square error on
-    the bundle's test recordings, or its validation ones, or none at all. A recording whose mean is not
-    Earth rate, or that moved, is refused as it is for the closed form.
+    the bundle's test recordings, or its validation ones, or none at all, widened by Student's t for
+    their number. A recording whose mean is not Earth rate, or that moved, is refused as it is for the closed form.
     """
+    from scipy.special import stdtrit
+
     from gyronorth.alignment.learned import last_window, misfits, run
 
     gyro_l = data.gyro_b @ mat_lb(mean.roll, mean.pitch).T
@@ -212,12 +214,18 @@ def solve_network(data: Data, mean: Levelled, moved: Disturbance, bundle: Loaded
         return mismatched(mean, bundle, found)
     heading = run(bundle, last_window(bundle, gyro_l[None], rate_hz=data.rate_hz))[0]
     metrics = bundle.info.metrics
-    error = metrics.get("test_network_crmse_deg") or metrics.get("validation_network_crmse_deg")
-    sigma = SIGMA_UNKNOWN if error is None else float(np.radians(error))
+    part = "test" if metrics.get("test_network_crmse_deg") else "validation"
+    error, count = metrics.get(f"{part}_network_crmse_deg"), metrics.get(f"{part}_recordings") or 1.0
+    sigma = SIGMA_UNKNOWN
+    if error is not None:
+        sigma = min(float(np.radians(error) * stdtrit(count, 0.975) / NORMAL_975), SIGMA_UNKNOWN)
     sigma, half = von_mises(np.asarray(1 / sigma**2)) if error is not None else (np.asarray(sigma), np.asarray(np.pi))
     signal = EARTH_RATE * np.cos(data.latitude)
     parts = {"network": np.asarray((sigma * signal) ** 2)}
     gates = [gate for gate in solve_mean(data, mean, moved).gates if gate.code in OF_THE_RECORDING]
+    gates += width_gates(
+        half, variance=parts["network"], noise_variance=np.zeros(()), latitude=data.latitude, duration=data.duration
+    )
     return Solution(replace(mean, heading=np.asarray(heading)), parts, sigma, half, gates)
 
 

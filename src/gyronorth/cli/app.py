@@ -47,6 +47,8 @@ def _user_error(error: Exception) -> str | None:
         return str(error)
     if isinstance(error, OSError):
         return f"{error.filename or 'output'}: {error.strerror or error}."
+    if isinstance(error, MemoryError):
+        return f"There is not enough memory: {error}. Take a shorter duration or a lower rate."
     return None
 
 

@@ -158,7 +158,7 @@ def heading(
         if single:
             raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
     attitude = None if roll is None else (roll, pitch)
-    curve = _deviation_model(deviation, any_session=any_session)
+    curve = _deviation_model(deviation, any_session=any_session, biased=gyro_bias is not None)
     if curve is not None and method is Method.auto:
         method = Method.mean  # what a deviation curve corrects
     request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude, model, turn_angles, curve)
@@ -266,9 +266,21 @@ def _sensor(name_or_file: str | None) -> Sensor | None:
     return read_sensor(name_or_file)
 
 
-def _deviation_model(path: Path | None, *, any_session: bool) -> DeviationModel | None:
+def _deviation_model(path: Path | None, *, any_session: bool, biased: bool) -> DeviationModel | None:
+    from gyronorth.recording import InputError
+
     if path is None:
+        if any_session:
+            raise InputError(
+                "--any-session belongs to --deviation, which is not given. For a bundle that carries a correction, "
+                "give --deviation BUNDLE/deviation.json --any-session."
+            )
         return None
+    if biased:
+        raise InputError(
+            "--gyro-bias and --deviation were both given: the curve was measured with that bias in it and would "
+            "correct it twice. Give one of them."
+        )
     from gyronorth.deviation import ANY_SESSION, read_deviation
 
     curve = read_deviation(path)

@@ -52,5 +52,7 @@ def train(
     own = None if data is None else own_data(data, settings=settings, reading=reading)
     bundle = run_training(settings, stage.value, own, output, resume, True)
     typer.echo(f"{output}: {bundle.method}, {bundle.layout}")
+    if own is not None and own.swing is None:
+        typer.echo("no correction of the closed form: the recordings are not all of one session and one known latitude")
     for name, value in bundle.metrics.items():
         typer.echo(f"{name:<36}{'' if value is None else f'{value:.4g}'}")

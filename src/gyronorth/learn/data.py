@@ -25,6 +25,9 @@ from gyronorth.recording import InputError, Recording
 
 Array = NDArray[np.float64]
 
+#: Recordings of one's own that are worth splitting into training, validation and test.
+FEWEST_OWN = 10
+
 
 @dataclass(frozen=True)
 class HeadingSet:
@@ -196,6 +199,11 @@ def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | N
         latitudes.append(latitude)
         seen.append((0.0, 0.0, 0.0, 0.0) if latitude is None else (*observe(recording, latitude), recording.duration))
     data = _joined(parts, folder)
+    if len(parts) < FEWEST_OWN:
+        raise InputError(
+            f"{folder} holds {len(parts)} recordings; at least {FEWEST_OWN} at different headings are needed to train, "
+            "validate and test a network."
+        )
     rng = np.random.default_rng([settings.seed, len(data.heading)])
     train, validation, test = split_recordings(data, (24, 4, 6), rng=rng)
     latitude = _common(latitudes)

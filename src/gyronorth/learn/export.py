@@ -146,6 +146,7 @@ def _deviation(data: TrainingData | None) -> DeviationModel | None:
         unit=data.unit,
         session=data.session,
         duration=swing.duration,
+        latitude=data.latitude,
     )
 
 
