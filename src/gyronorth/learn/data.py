@@ -217,9 +217,17 @@ def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | N
         test=test,
         source=f"own recordings: {Path(folder).name}",
         latitude=latitude,
-        session=sessions[0] if len(set(sessions)) == 1 else ", ".join(sorted({str(s) for s in sessions})),
+        session=_session(sessions),
         swing=swing,
     )
+
+
+def _session(sessions: list[str | None]) -> str | None:
+    """The one that all share, else their names, or their number where they are many."""
+    names = sorted({"not stated" if session is None else session for session in sessions})
+    if len(names) == 1:
+        return sessions[0]
+    return ", ".join(names) if len(names) <= 3 else f"{len(names)} sessions"
 
 
 def _known_recordings(folder: Path, reading: ReadOptions | None) -> Iterator[Recording]:
