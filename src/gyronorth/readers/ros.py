@@ -22,7 +22,7 @@ from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block,
 from gyronorth.recording import InputError, Note, ns_from_utc, utc_from_ns
 
 #: Messages decoded at a time, and looked at in one place.
-BLOCK_MESSAGES, PLACE_MESSAGES = 1 << 14, 1 << 11
+BLOCK_MESSAGES, PLACE_MESSAGES = 1 << 14, 1 << 10
 #: Stamps before this, s since 1970 (September 2001), count from a start of their own (simulation, boot).
 EARLIEST_DATE = 1_000_000_000
 #: Seconds of ROS are 32-bit numbers: a recording that begins later is written as time from its start.
