@@ -19,7 +19,6 @@ from gyronorth.learn.data import (
     augment,
     noise_deg_s,
     own_data,
-    read_folder,
     split_recordings,
     synthetic_set,
     turned,
@@ -155,19 +154,6 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_folder_of_recordings(folder):
-    data = read_folder(folder, rate_hz=2.0, samples=12, windows=2)
-    assert data.gyro_l.shape == (4, 12, 3)
-    assert data.recording.tolist() == [0, 0, 1, 1]
-    assert_allclose(np.degrees(data.heading), [10, 10, 200, 200])
-    assert np.abs(np.degrees(angle_error(mean_heading(data), data.heading))).max() < 4
-
-
-def test_a_recording_too_short_is_refused(folder):
-    with pytest.raises(InputError, match="lasts 13 s; a window of 20 s"):
-        read_folder(folder, rate_hz=2.0, samples=40)
-
-
 def swing_folder(path, sessions, latitudes=(0,)):
     """Twelve short level recordings with a north bias of a tenth of Earth rate."""
     for k in range(12):
@@ -188,6 +174,8 @@ SHORT = Settings.model_validate({"rate_hz": 2.0, "samples": 12})
 def test_own_recordings_of_one_session_hold_a_swing(tmp_path):
     data = own_data(swing_folder(tmp_path, ["monday"]), settings=SHORT)
     assert (data.session, data.latitude) == ("monday", 0.0)
+    assert data.train.gyro_l.shape[1:] == (12, 3)
+    assert sum(len(part) for part in (data.train, data.validation, data.test)) == 12
     known = np.unique(np.concatenate([data.train.recording, data.validation.recording]))
     assert_allclose(np.degrees(data.swing.heading_true), 30 * known, atol=1e-9)  # the test recordings stay out
     # tan psi = -w_y / w_x, and the horizontal rate exceeds Earth rate by |(cos + 0.1, sin)| - 1
@@ -217,3 +205,8 @@ def test_a_swing_needs_one_session_and_one_latitude(tmp_path, sessions, latitude
 def test_too_few_recordings_train_nothing(folder):
     with pytest.raises(InputError, match="holds 2 recordings; at least 10"):
         own_data(folder, settings=SHORT)
+
+
+def test_a_recording_too_short_is_refused(tmp_path):
+    with pytest.raises(InputError, match="lasts 13 s; a window of 20 s"):
+        own_data(swing_folder(tmp_path, ["monday"]), settings=SHORT.model_copy(update={"samples": 40}))

@@ -15,8 +15,6 @@ from gyronorth.recording import Recording, shift_utc
 from gyronorth.solution import Data, Disturbance, Solution, saturation_gates
 from gyronorth.validity import Finding, Gate, implied_latitude
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Found:

@@ -165,35 +165,21 @@ def noise_deg_s(data: HeadingSet) -> float:
     return float(np.degrees(np.median(white_noise(data.gyro_l))))
 
 
-def read_folder(
-    folder: str | Path, *, rate_hz: float, samples: int, windows: int = 1, reading: ReadOptions | None = None
-) -> HeadingSet:
-    """The first `windows` windows of every recording in a folder, levelled and decimated.
-
-    `reading` declares how the files are read. A recording without accelerometer is taken as level.
-
-    Raises
-    ------
-    InputError
-        If a file has no reference heading or is shorter than one window, or there is no file.
-    """
-    parts = [
-        _windows(recording, number, rate_hz=rate_hz, samples=samples, windows=windows)
-        for number, recording in enumerate(_known_recordings(Path(folder), reading))
-    ]
-    return _joined(parts, folder)
-
-
 def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | None = None) -> TrainingData:
     """A user's recordings, split 24/4/6 by recording, with what is known of where they come from.
 
     Where all are of one session (or none says one) and of one known latitude, and enough to learn a deviation
-    from, `swing` holds what it is fitted to.
+    from, `swing` holds what it is fitted to. `reading` declares how the files are read.
+
+    Raises
+    ------
+    InputError
+        If a file has no reference heading or is shorter than one window, or there are too few.
     """
     given = None if reading is None else reading.latitude
     parts, seen, latitudes, sessions = [], [], [], []
     for number, recording in enumerate(_known_recordings(Path(folder), reading)):
-        parts.append(_windows(recording, number, rate_hz=settings.rate_hz, samples=settings.samples))
+        parts.append(_window(recording, number, rate_hz=settings.rate_hz, samples=settings.samples))
         sessions.append(recording.session)
         latitude = recording.latitude if given is None else given
         latitudes.append(latitude)
@@ -241,19 +227,17 @@ def _known_recordings(folder: Path, reading: ReadOptions | None) -> Iterator[Rec
         yield recording
 
 
-def _windows(recording: Recording, number: int, *, rate_hz: float, samples: int, windows: int = 1) -> HeadingSet:
-    """The first windows of one recording, levelled and decimated."""
+def _window(recording: Recording, number: int, *, rate_hz: float, samples: int) -> HeadingSet:
+    """The first window of one recording, levelled and decimated; without accelerometer it is taken as level."""
     assert recording.heading_true is not None
     if recording.accel_b is not None:
         recording = recording.rotated(mat_lb(*level(recording.accel_b.mean(axis=0))))
     slow = decimated(recording, rate_hz).gyro_b
-    count = min(windows, len(slow) // samples)
-    if count == 0:
+    if len(slow) < samples:
         raise InputError(
             f"{recording.source} lasts {recording.duration:g} s; a window of {samples / rate_hz:g} s is expected."
         )
-    gyro = slow[: count * samples].reshape(count, samples, 3)
-    return HeadingSet(gyro, np.full(count, recording.heading_true), np.full(count, number))
+    return HeadingSet(slow[None, :samples], np.array([recording.heading_true]), np.array([number]))
 
 
 def _joined(parts: list[HeadingSet], folder: str | Path) -> HeadingSet:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gyronorth.alignment.diffusion import Normalisation
 from gyronorth.disturbance import reference_set
 from gyronorth.earth import earth_rate_n
-from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set
+from gyronorth.learn.data import HeadingSet, synthetic_set
 from gyronorth.learn.denoiser import Denoiser, predictor
 from gyronorth.learn.settings import Settings
 from gyronorth.learn.stages import TrainedDenoiser, fitted, new_denoiser, train_denoiser
@@ -57,12 +57,6 @@ def draw_recordings(settings: Settings, count: int, *, stream: int) -> Recording
     gyro = np.concatenate([part.gyro_b for part in parts])
     clean = mat_bn(0.0, 0.0, heading) @ earth_rate_n(radians(LATITUDE_DEG))
     return Recordings(HeadingSet(gyro, heading, np.arange(len(heading))), clean[:, None])
-
-
-def training_data(train: Recordings, validation: Recordings) -> TrainingData:
-    """The same as data of a heading network."""
-    source = "simulated: the reference mix and quiet recordings"
-    return TrainingData(train.noisy, validation.noisy, source=source, latitude=radians(LATITUDE_DEG))
 
 
 def train_kind(settings: Settings, kind: Kind, train: Recordings, validation: Recordings) -> TrainedDenoiser:

@@ -19,7 +19,7 @@ def print_calibration(found: Calibration, stream: TextIO) -> None:
     doc = found.to_json()
     ratio = doc["ratio"]
     verdict = (
-        "the curve helps on recordings it has not seen" if ratio < 0.95 else "the curve does not help; leave it out"
+        "the curve helps on recordings it has not seen" if ratio < WORTH_IT else "the curve does not help; leave it out"
     )
     lines = [
         ("recordings", f"{doc['recordings']}, session {doc['session'] or 'not stated'}"),
