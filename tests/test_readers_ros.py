@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ros_files import IMU, ROS1, ROS2, START, cdr, ros1, samples, write_bag1, write_bag2, write_mcap
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
+from ruamel.yaml import YAML
 from still import LATITUDE, still
 
 from gyronorth.readers import describe, read, recordings_in
@@ -264,6 +267,54 @@ def test_foreign_content_is_refused_with_one_message(tmp_path, suffix, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"día\.\w+ (is no|is empty|cannot be read)"):
         read(path)
+
+
+@pytest.mark.parametrize("name", ["rec", "a#b?c%20d", "día 1"])
+def test_a_split_bag_is_one_recording(tmp_path, name):
+    # As `ros2 bag record --max-bag-duration` leaves it: several databases, one metadata.yaml.
+    first, second = (write_bag2(tmp_path / part, {"/imu": CDR[rows]}) for part, rows in PARTS.items())
+    folder = first.rename(tmp_path / name)
+    one, two = folder / "first.db3", next(second.glob("*.db3")).rename(folder / "second.db3")
+    metadata = folder / "metadata.yaml"
+    content = YAML(typ="safe").load(metadata.read_text())
+    about = content["rosbag2_bagfile_information"]
+    about |= {"relative_file_paths": [two.name, one.name], "message_count": 2 * len(GYRO), "files": []}
+    about["duration"]["nanoseconds"] = CDR[-1][0] - CDR[0][0]
+    for topic in about["topics_with_message_count"]:
+        topic["message_count"] = len(GYRO)
+    YAML(typ="safe").dump(content, metadata)
+    assert_array_equal(read(folder).gyro_b, GYRO)
+    two.write_bytes(two.read_bytes()[:9000])
+    with pytest.raises(InputError, match=r"second.db3 is cut off: it is shorter than its header states. .*reindex"):
+        read(folder)
+
+
+PARTS = {"first": slice(0, 250), "second": slice(250, 400)}
+
+
+def test_messages_of_a_large_database_alone_are_drawn_not_counted(tmp_path, monkeypatch):
+    monkeypatch.setattr("gyronorth.readers.rosbag.MOST_COUNTED", 500)
+    path = next(bag2(tmp_path, imu=CDR, spare=CDR[:200]).glob("*.db3"))
+    with pytest.raises(InputError, match=r"has 2 topics") as caught:
+        read(path)
+    counts = [int(count) for count in re.findall(r"\((\d+) messages\)", str(caught.value))]
+    # 1000 drawn of 400, 200 and 600 (/chatter) messages: 1200 p +- 4 standard deviations.
+    for count, share in zip(counts, (1 / 3, 1 / 6), strict=True):
+        assert abs(count - 1200 * share) < 4 * 1200 * np.sqrt(share * (1 - share) / 1000)
+    assert len(read(path, topic="/imu").gyro_b) == 400
+
+
+def test_a_bag_still_being_recorded_is_refused(tmp_path):
+    path = next(bag2(tmp_path).glob("*.db3"))
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA journal_mode = WAL")
+    database.execute("UPDATE messages SET timestamp = timestamp + 1 WHERE id = 1")
+    database.commit()
+    with pytest.raises(InputError, match=r"rec.db3 is still being recorded.* are in rec.db3-wal.*wal_checkpoint"):
+        read(path)
+    database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    database.close()
+    assert_array_equal(read(path).gyro_b, GYRO)
 
 
 def test_a_bag_folder_with_damaged_or_missing_parts(tmp_path):

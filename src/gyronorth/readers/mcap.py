@@ -32,7 +32,8 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
         header = reader.get_header()
         summary = reader.get_summary()
         texts = next((dict(record.metadata) for record in _metadata(reader, summary)), None)
-        if not _is_indexed(summary) or summary.statistics is None:
+        indexed = _is_indexed(summary)
+        if not indexed or summary.statistics is None:
             channels, counts, times = _scanned(path)
         else:
             channels = {
@@ -46,7 +47,7 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
     if texts is not None:
         facts, _ = read_facts(texts, lambda key: f"Metadata record {SIGNATURE[1]} of {path.name}")
     cdr = _is_cdr(encodings[topic], topic, header.profile, path.name)
-    found = ImuTopic(topic, topics[topic], *times, cdr, partial(_messages, path, topic))
+    found = ImuTopic(topic, topics[topic], *times, cdr, partial(_messages, path, topic, indexed))
     return imu_source(path.name, "mcap", found, facts=facts)
 
 
@@ -140,10 +141,10 @@ def _is_cdr(encodings: set[str], topic: str, profile: str, name: str) -> bool:
     return encodings == {"cdr"}
 
 
-def _messages(path: Path, topic: str, start: int | None, stop: int | None) -> Iterator[tuple[int, bytes]]:
+def _messages(
+    path: Path, topic: str, indexed: bool, start: int | None, stop: int | None
+) -> Iterator[tuple[int, bytes]]:
     """Log times and messages of a topic, in order of log time where the file has an index of chunks."""
-    with _opened(path) as reader:
-        indexed = _is_indexed(reader.get_summary())
     with _opened(path, seeking=indexed) as reader:
         found = reader.iter_messages(topic, log_time_order=indexed, starting_at=start, ending_before=stop)
         for _, _, message in found:

@@ -46,6 +46,7 @@ class ImuTopic:
     stop: int  # and of its last one
     cdr: bool  # serialised by ROS 2; else by ROS 1
     messages: Messages
+    exact: bool = True  # `count` is that; else about
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
         ours=facts is not None,
         topic=topic.name,
         notes=notes,
-        parts=Parts(topic.count, exact=True, block=PLACE_MESSAGES, read=partial(_part, topic, kind)),
+        parts=Parts(topic.count, exact=topic.exact, block=PLACE_MESSAGES, read=partial(_part, topic, kind)),
     )
 
 

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from gyronorth.readers.facts import read_facts
 from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
@@ -25,6 +27,8 @@ from gyronorth.recording import InputError
 
 #: What tells a folder that is a recording of ROS 2.
 METADATA = "metadata.yaml"
+#: Messages of a database alone that are counted topic by topic, a quarter of a second; of more, some are drawn.
+MOST_COUNTED = 1 << 19
 _FACTS_TOPIC = "/gyronorth/recording"
 _CURES = {
     "rosbag1": "If it was recorded until power was lost: rosbag reindex FILE.bag",
@@ -37,14 +41,24 @@ def open_rosbag1(path: Path, options: ReadOptions) -> Source:
     with path.open("rb") as file:
         if not file.read(8) == b"#ROSBAG ":
             raise InputError(f"{path.name} is no bag of ROS 1: it does not begin as one.")
-    return _open(path, options, "rosbag1")
+    with _opened(path, "rosbag1") as reader:
+        counts: dict[int, int] = defaultdict(int)
+        for chunk in reader.chunk_infos:
+            for number, count in chunk.connection_counts.items():
+                counts[number] += count
+        found = [(each.topic, each.msgtype, counts[each.id]) for each in reader.connections]
+        topic, count = _chosen(path.name, options, found)
+        times = int(reader.start_time), int(reader.end_time) - 1
+        facts = _facts(reader, path.name)
+    messages = partial(_messages, path, "rosbag1", topic)
+    return imu_source(path.name, "rosbag1", ImuTopic(topic, count, *times, False, messages), facts=facts)
 
 
 def open_rosbag2(path: Path, options: ReadOptions) -> Source:
     """Open a bag of ROS 2."""
     for database in _databases(path):
         _check_whole(database)
-    return _open(path, options, "rosbag2")
+    return _open_folder(path, options) if path.is_dir() else _open_database(path, options)
 
 
 def is_bag_folder(path: Path) -> bool:
@@ -84,29 +98,51 @@ def _check_whole(path: Path) -> None:
         return  # the library says so
     page, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
     is_stated = head[24:28] == head[92:96]
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size:
+        raise InputError(
+            f"{path.name} is still being recorded, or its recorder was killed: its last messages are in {log.name}. "
+            f"End the recording, or bring them in: sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+        )
     if is_stated and path.stat().st_size < pages * (page if page > 1 else 1 << 16):
         raise InputError(f"{path.name} is cut off: it is shorter than its header states. {_CURES['rosbag2']}")
 
 
-def _open(path: Path, options: ReadOptions, format: str) -> Source:
-    facts = None
-    with _opened(path, format) as reader:
-        topics: dict[str, int] = {}
-        other = []
-        for connection in reader.connections:
-            if connection.msgtype in IMU_TYPES:
-                topics[connection.topic] = topics.get(connection.topic, 0) + _count(reader, connection, format)
-            else:
-                other.append(f"{connection.topic} ({connection.msgtype})")
-        topic = choose_topic(topics, options.topic, path.name, other)
+def _open_folder(path: Path, options: ReadOptions) -> Source:
+    """Topics, numbers and times are those of metadata.yaml; the library would count all messages, a second for 1 GB."""
+    with _opened(path, "rosbag2", counted=False) as reader:
+        found = [(each.topic, each.msgtype, each.msgcount) for each in reader.connections]
+        topic, count = _chosen(path.name, options, found)
         times = int(reader.start_time), int(reader.end_time) - 1
-        if format == "rosbag1":
-            facts = _facts(reader, path.name)
-        databases = [] if format == "rosbag1" or reader.compression_format else _databases(path)
+        databases = [] if reader.compression_format else _databases(path)
     messages = partial(_from_databases, path.name, databases, topic) if databases else None
-    messages = messages or partial(_messages, path, format, topic)
-    found = ImuTopic(topic, topics[topic], *times, format == "rosbag2", messages)
-    return imu_source(path.name, format, found, facts=facts)
+    messages = messages or partial(_messages, path, "rosbag2", topic)
+    return imu_source(path.name, "rosbag2", ImuTopic(topic, count, *times, True, messages))
+
+
+def _open_database(path: Path, options: ReadOptions) -> Source:
+    """A database alone: the messages of many are not counted one by one, topics are drawn."""
+    with _connected(path.name, [path]) as (database,):
+        names = database.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()
+        (total,) = database.execute("SELECT COUNT(*) FROM messages").fetchone()
+        (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
+        (stop,) = database.execute("SELECT MAX(timestamp) FROM messages").fetchone()
+        exact = total <= MOST_COUNTED or len(names) == 1
+        counts = _counted(database) if total <= MOST_COUNTED else _drawn(database, total)
+    topic, count = _chosen(path.name, options, [(name, kind, counts.get(number, 0)) for number, name, kind in names])
+    messages = partial(_from_databases, path.name, [path], topic)
+    return imu_source(path.name, "rosbag2", ImuTopic(topic, count, start or 0, stop or 0, True, messages, exact=exact))
+
+
+def _chosen(name: str, options: ReadOptions, found: list[tuple[str, str, int]]) -> tuple[str, int]:
+    """The topic that is read and the number of its messages, from (topic, type, messages)."""
+    topics: dict[str, int] = {}
+    for topic, kind, count in found:
+        if kind in IMU_TYPES:
+            topics[topic] = topics.get(topic, 0) + count
+    other = [f"{topic} ({kind})" for topic, kind, _ in found if kind not in IMU_TYPES]
+    topic = choose_topic(topics, options.topic, name, other)
+    return topic, topics[topic]
 
 
 def _facts(reader: Any, name: str) -> Facts | None:
@@ -120,15 +156,30 @@ def _facts(reader: Any, name: str) -> Facts | None:
     return None
 
 
+class _Unopened:
+    """Stands for a database in the library's reader of a folder, which opens and counts all of them."""
+
+    def __init__(self, path: Path) -> None:
+        self.connections: list[Any] = []
+
+    def open(self) -> None:
+        """Nothing."""
+
+    def close(self) -> None:
+        """Nothing."""
+
+
 @contextmanager
-def _opened(path: Path, format: str) -> Iterator[Any]:
-    """A reader of the bag, its errors told."""
+def _opened(path: Path, format: str, *, counted: bool = True) -> Iterator[Any]:
+    """A reader of the bag, its errors told; not `counted`: databases of ROS 2 stay unopened."""
     library_of_format = library(f"rosbags.{format}", path.name, "a bag of ROS")
     with damage_told(path.name, "bag of ROS", _CURES[format]):
         reader = library_of_format.Reader(path)
         if format == "rosbag1":
             # It would read the time of every message at once; `_chunk_by_chunk` reads them when they are needed.
             reader.read_index_data = lambda *_: None
+        if not counted:
+            reader.storage.STORAGE_PLUGINS = reader.storage.STORAGE_PLUGINS | {"sqlite3": _Unopened}
         with reader:
             yield reader
 
@@ -151,12 +202,8 @@ def _databases(path: Path) -> list[Path]:
 def _from_databases(
     name: str, databases: list[Path], topic: str, start: int | None, stop: int | None
 ) -> Iterator[tuple[int, bytes]]:
-    """What `_messages` gives; the library counts all messages each time, a second for a gigabyte."""
-    with damage_told(name, "bag of ROS", _CURES["rosbag2"]), ExitStack() as stack:
-        opened = []
-        for path in databases:
-            uri = f"{path.resolve().as_uri()}?immutable=1"
-            opened.append(stack.enter_context(closing(sqlite3.connect(uri, uri=True))))
+    """What `_messages` gives."""
+    with _connected(name, databases) as opened:
         first = [database.execute("SELECT MIN(timestamp) FROM messages").fetchone()[0] for database in opened]
         for i in sorted((i for i, time in enumerate(first) if time is not None), key=lambda i: first[i]):
             yield from opened[i].execute(
@@ -166,10 +213,32 @@ def _from_databases(
             )
 
 
-def _count(reader: Any, connection: Any, format: str) -> int:
-    if format == "rosbag2":
-        return connection.msgcount
-    return sum(chunk.connection_counts.get(connection.id, 0) for chunk in reader.chunk_infos)
+@contextmanager
+def _connected(name: str, databases: list[Path]) -> Iterator[list[sqlite3.Connection]]:
+    """Databases of a bag, their errors told."""
+    with damage_told(name, "bag of ROS", _CURES["rosbag2"]), ExitStack() as stack:
+        opened = []
+        for path in databases:
+            uri = f"{path.resolve().as_uri()}?immutable=1"
+            opened.append(stack.enter_context(closing(sqlite3.connect(uri, uri=True))))
+        yield opened
+
+
+def _counted(database: sqlite3.Connection) -> dict[int, int]:
+    """Messages of each topic by its number."""
+    return dict(database.execute("SELECT topic_id, COUNT(*) FROM messages GROUP BY topic_id"))
+
+
+def _drawn(database: sqlite3.Connection, total: int) -> dict[int, int]:
+    """About how many messages each topic has, by the topics of some drawn evenly from all numbers of messages."""
+    (first,) = database.execute("SELECT MIN(id) FROM messages").fetchone()
+    (last,) = database.execute("SELECT MAX(id) FROM messages").fetchone()
+    numbers = np.random.default_rng(0).integers(first, last, size=1000, endpoint=True)
+    drawn = Counter(
+        database.execute("SELECT topic_id FROM messages WHERE id >= ? ORDER BY id LIMIT 1", (number,)).fetchone()[0]
+        for number in numbers.tolist()
+    )
+    return {topic: round(total * count / drawn.total()) for topic, count in drawn.items()}
 
 
 def _chunk_by_chunk(reader: Any, connections: list[Any], start: int | None, stop: int | None) -> Iterator[Any]:
