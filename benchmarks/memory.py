@@ -1,4 +1,4 @@
-"""Peak memory of the commands on a long CSV: 8 h at 600 Hz, six axes, 1.2 GB in the folder for temporary files."""
+"""Peak memory of the commands on a long CSV: 8 h at 600 Hz, six axes, 5 GB in the folder for temporary files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def comparisons() -> Iterator[Comparison]:
     """One command after the other."""
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "long.csv"
-        _write(path)
+        write_long(path)
         rows = round(RATE_HZ * DURATION)
         for title, arguments in COMMANDS.items():
             command = [argument.format(path) for argument in arguments]
@@ -61,7 +61,8 @@ def peak_megabytes(arguments: list[str], *, folder: Path) -> float:
     return usage.ru_maxrss / 1024  # KiB on Linux
 
 
-def _write(path: Path) -> None:
+def write_long(path: Path) -> None:
+    """A CSV of `DURATION` s, the same rows again and again."""
     rng = np.random.default_rng(SEED)
     rate = EARTH_RATE * np.array([0.6, -0.5, -0.62])
     samples = np.hstack(

@@ -34,7 +34,8 @@ def comparisons() -> Iterable[Comparison]:
     print(f"\nMemory of a stream, mean of {', '.join(streams)}: {each / 1e6:.2f} MB, promised {MOST_BYTES / 1e6:g}")
     if each > MOST_BYTES:
         raise RuntimeError("Memory of a stream is not bounded.")
-    candidates = {name: partial(ten_seconds, stream) for name, stream in streams.items()}
+    rng = np.random.default_rng(2)
+    candidates = {name: partial(ten_seconds, stream, rng) for name, stream in streams.items()}
     yield Comparison(
         title="Ten seconds of 600 Hz with an estimate after each, by the age of the stream",
         ours="24 h",
@@ -47,9 +48,9 @@ def comparisons() -> Iterable[Comparison]:
 def aged(seconds: int) -> StreamingHeading:
     """A stream that has run for that long, without estimates."""
     stream = StreamingHeading(rate_hz=RATE_HZ, latitude=LATITUDE, accelerometer=True, sensor="isa100c")
-    minute = still(60, np.random.default_rng(1))
-    for _ in range(0, seconds, 60):
-        stream.add(*minute)
+    rng = np.random.default_rng(1)
+    for _ in range(0, seconds, 60):  # new noise each time: what repeats would be taken for sway
+        stream.add(*still(60, rng))
     return stream
 
 
@@ -60,13 +61,10 @@ def still(seconds: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
     return gyro, [0.0, 0.0, -STANDARD_GRAVITY] + 1e-2 * rng.standard_normal(shape)
 
 
-def ten_seconds(stream: StreamingHeading) -> None:
+def ten_seconds(stream: StreamingHeading, rng: np.random.Generator) -> None:
     """Ten times one second of samples in 20 pieces, as they come, and an estimate."""
-    gyro, accel = SECOND
     for _ in range(10):
+        gyro, accel = still(1, rng)
         for piece in np.array_split(np.arange(RATE_HZ), 20):
             stream.add(gyro[piece], accel[piece])
         stream.estimate()
-
-
-SECOND = still(1, np.random.default_rng(2))
