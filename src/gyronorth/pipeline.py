@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.closed_form import Levelled
-from gyronorth.alignment.turned_segments import Segments
+from gyronorth.choice import TRAINED, bundle_of, deviated, find
 from gyronorth.conclusion import Found, as_batch, estimate_of
 from gyronorth.conditioning import decimated
 from gyronorth.deviation import DeviationModel
@@ -22,8 +18,6 @@ from gyronorth.recording import InputError, Recording
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.solution import (
     Data,
-    Disturbance,
-    Solution,
     disturbance,
     mean_alignment,
     prefers_inertial,
@@ -32,36 +26,13 @@ from gyronorth.solution import (
     solve_mean,
     unknown,
 )
-from gyronorth.specialists import (
-    BAYES_LONGEST,
-    BAYES_RATE,
-    BAYES_SHORTEST,
-    bayes_fits,
-    mismatched,
-    segments_of,
-    solve_bayes,
-    solve_learned,
-    solve_network,
-    solve_turned,
-    with_deviation,
-)
-from gyronorth.validity import Finding, length_gate
-
-if TYPE_CHECKING:
-    from gyronorth.alignment.learned import LoadedBundle
+from gyronorth.specialists import BAYES_LONGEST, BAYES_RATE, BAYES_SHORTEST, bayes_fits
+from gyronorth.validity import length_gate
 
 Array = NDArray[np.float64]
 
 #: Methods that `heading` offers.
-METHODS = ("auto", "mean", "inertial", "turned", "bayes", "learned", "paper", "baseline")
-#: Those of them that run a trained bundle.
-TRAINED = ("learned", "paper", "baseline")
-#: Said where `learned` is asked for and cannot explain the recording.
-UNLEARNED = "The disturbance is of no kind that was learned; sigma is widened by what stays unexplained."
-#: Probability that the bias settles or walks from which auto takes no method that holds it constant.
-UNSTEADY = 0.5
-#: A deviation curve applies within this of the latitude it was measured at, rad.
-DEVIATION_LATITUDE = np.radians(2.0)
+METHODS = ("auto", "mean", "inertial", "turned", "bayes", *TRAINED)
 #: Latitudes given and stored may differ by this, rad, before it is a mistake.
 LATITUDE_CONFLICT = np.radians(0.1)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
@@ -130,9 +101,9 @@ def heading(
     if short.failed:
         found = Found("mean", replace(unknown(mean_alignment(data)), gates=[short]), "too short for any other")
     else:
-        found = _find(method, data, model, turn_angles, session=recording.session)
+        found = find(method, data, model, turn_angles, session=recording.session)
     if deviation is not None:
-        found = _deviated(found, data, deviation, session=recording.session)
+        found = deviated(found, data, deviation, session=recording.session)
     estimate = estimate_of(recording, data, found)
     for note in recording.notes:
         if note.blocking and estimate.valid:
@@ -301,186 +272,15 @@ def _latitude(given: float | None, recording: Recording) -> float:
     return float(stored if given is None else given)  # type: ignore[arg-type]
 
 
-def _find(
-    method: str,
-    data: Data,
-    model: str | Path | None,
-    turn_angles: Sequence[float] | None,
-    *,
-    session: str | None = None,
-) -> Found:
-    """What the asked method, or the one that auto chooses, finds in one recording."""
-    if method in ("auto", "turned") and data.attitude is None:
-        segments = segments_of(data)
-        if method == "turned" or segments.poses > 1:
-            angles = None if turn_angles is None else np.asarray(turn_angles, dtype=float)
-            turned = solve_turned(data, segments, angles)
-            why = "asked for" if method == "turned" else _counted(segments)
-            return Found(
-                "turned",
-                turned.solution,
-                why,
-                None,
-                turned.poses,
-                turned.turns,
-                turned.fit.gyro_bias,
-                None,
-                turned.warnings,
-            )
-    if turn_angles is not None:
-        raise InputError("Turn angles were given, but the recording holds one pose only. Leave them out.")
-    closed = mean_alignment(data)
-    moved = disturbance(data, closed)
-    if method in TRAINED:
-        bundle = _bundle(method, model)
-        if method == "learned" and bundle.deviation is not None:
-            return _corrected(data, closed, moved, bundle, session=session)
-        if method == "learned":
-            solution, unrest = solve_learned(data, closed, moved, bundle)
-            warnings = () if unrest is None or unrest.fits else (Finding("swaying", UNLEARNED),)
-            return Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings, unrest=unrest)
-        if bundle.info.method in set(TRAINED) - {method}:
-            raise InputError(
-                f"The bundle {bundle.name} is one of method {bundle.info.method}, but method {method} was asked for. "
-                f"Use --method {bundle.info.method} with it."
-            )
-        solution = solve_network(data, closed, moved, bundle)
-        return Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=_carried(bundle))
-    mean = solve_mean(data, closed, moved)
-    if method == "mean":
-        return Found("mean", mean, "asked for", moved)
-    if method == "inertial":
-        return Found("inertial", solve_inertial(data, moved), "asked for", moved)
-    if method == "bayes":
-        solution, unrest = solve_bayes(data, closed, moved)
-        return Found("bayes", solution, "asked for", moved, unrest=unrest)
-    return _of_one_pose(data, closed, moved, mean)
-
-
-def _carried(bundle: LoadedBundle) -> tuple[Finding, ...]:
-    """That a network has learned one unit's own error with everything else."""
-    domain = bundle.info.domain
-    if domain.unit is None and domain.session is None:
-        return ()
-    unit, session = domain.unit or "not stated", domain.session or "not stated"
-    message = (
-        f"The bundle {bundle.name} was trained on unit {unit}, session {session}: part of what it learned is that "
-        "unit's own error and holds for no other."
-    )
-    return (Finding("deviation_applied", message),)
-
-
-def _counted(segments: Segments) -> str:
-    """Poses and steady rotations in words."""
-    spins = sum(turn.spin for turn in segments.turns)
-    counts = ((segments.poses - spins, "pose"), (spins, "steady rotation"))
-    return " and ".join(f"{count} {name}{'s' * (count > 1)}" for count, name in counts if count)
-
-
-def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solution) -> Found:
-    """The choice of auto where there is one pose: the mean, or what has the smallest sigma under disturbance."""
-    can_trace = data.accel_b is not None and data.attitude is None
-    traced = solve_inertial(data, moved) if can_trace and (moved.detected or data.sensor is None) else None
-    disturbed = bool(moved.detected) or (traced is not None and bool(prefers_inertial(data, moved, mean, traced)))
-    if not disturbed:
-        return Found("mean", mean, "one pose, undisturbed", moved)
-    candidates = {"mean": mean}
-    if traced is not None:
-        candidates["inertial"] = traced
-    modelled = _modelled(data, closed, moved) if moved.detected and bayes_fits(data) else None
-    unrest = None if modelled is None else modelled.unrest
-    if modelled is not None and unrest is not None:
-        if unrest.unsteady >= UNSTEADY:
-            why = f"one pose, disturbed: the bias settles or walks with probability {unrest.unsteady:.2f}"
-            return replace(modelled, why=f"{why}, which mean and inertial would take for Earth rate")
-        candidates[modelled.method] = modelled.solution
-    best = min(candidates, key=lambda name: float(candidates[name].sigma))
-    sigmas = ", ".join(f"{np.degrees(float(found.sigma)):.2f} deg by {name}" for name, found in candidates.items())
-    why = f"one pose, disturbed: sigma {sigmas}"
-    if modelled is not None and best == modelled.method:
-        return replace(modelled, why=why)
-    return Found(best, candidates[best], why, moved, unrest=unrest)
-
-
-def _modelled(data: Data, closed: Levelled, moved: Disturbance) -> Found:
-    """The method that models disturbance: learned, or bayes where it cannot run or explain the recording."""
-    if find_spec("onnxruntime") is not None:
-        bundle = _bundle("learned", None)
-        solution, unrest = solve_learned(data, closed, moved, bundle)
-        if unrest is not None and unrest.fits:
-            return Found("learned", solution, "", moved, bundle=bundle.name, unrest=unrest)
-    solution, unrest = solve_bayes(data, closed, moved)
-    return Found("bayes", solution, "", moved, unrest=unrest)
-
-
-def _bundle(method: str, model: str | Path | None) -> LoadedBundle:
-    """The bundle of a method, loaded once for as long as its description does not change."""
-    from gyronorth.alignment.bundle import shipped_bundle
-
-    folder = Path(shipped_bundle(method) if model is None else model)
-    described = folder / "bundle.json"
-    return _loaded(folder, described.stat().st_mtime_ns if described.is_file() else 0)
-
-
-@lru_cache(maxsize=4)
-def _loaded(folder: Path, changed: int) -> LoadedBundle:
-    from gyronorth.alignment.learned import load_bundle
-
-    return load_bundle(folder)
-
-
 def _one_of_batch(method: str, data: Data, model: str | Path | None, index: int) -> HeadingBatch:
     one = replace(data, gyro_b=data.gyro_b[index], accel_b=None if data.accel_b is None else data.accel_b[index])
-    if method == "learned" and _bundle(method, model).deviation is not None:
+    if method == "learned" and bundle_of(method, model).deviation is not None:
         raise InputError(
             "The bundle corrects recordings of one session, and a batch says none. Use `heading` with each recording."
         )
-    found = _find(method, one, model, None)
+    found = find(method, one, model, None)
     single = as_batch(found.solution, saturation_gates(one), np.asarray(method))
     return HeadingBatch(*(np.asarray(value)[None] for value in vars(single).values()))
-
-
-def _corrected(data: Data, closed: Levelled, moved: Disturbance, bundle: LoadedBundle, *, session: str | None) -> Found:
-    """The closed form with the correction that a bundle learned from its unit's own recordings."""
-    from gyronorth.alignment.bundle import RecordingFacts, mismatch
-
-    assert bundle.deviation is not None
-    sensor = None if data.sensor is None else data.sensor.name
-    misfits = mismatch(bundle.info, RecordingFacts(data.rate_hz, data.duration, data.latitude, sensor))
-    if misfits:
-        return Found("learned", mismatched(closed, bundle, misfits), "asked for", moved, bundle=bundle.name)
-    found = Found("mean", solve_mean(data, closed, moved), "asked for", moved, bundle=bundle.name)
-    return replace(_deviated(found, data, bundle.deviation, session=session), method="learned")
-
-
-def _deviated(found: Found, data: Data, model: DeviationModel, *, session: str | None) -> Found:
-    """`found` corrected by a deviation curve, with the warning that says whether it was."""
-    if found.method != "mean":
-        raise InputError(
-            f"A deviation curve corrects the closed form, but the method is {found.method}. Use --method mean with it."
-        )
-    if model.latitude is not None and abs(model.latitude - data.latitude) > DEVIATION_LATITUDE:
-        raise InputError(
-            f"The deviation curve was measured at latitude {np.degrees(model.latitude):.2f} deg, this recording is of "
-            f"{np.degrees(data.latitude):.2f} deg: the same bias costs another angle there. Measure a new curve."
-        )
-    in_set = model.covers(session)
-    if in_set:
-        message = (
-            f"Corrected by a deviation curve of {len(model.heading)} recordings; it holds for that unit and session."
-        )
-    else:
-        message = (
-            f"The deviation curve was measured in session {_named(model.session)}, this recording is of "
-            f"{_named(session)}: not applied. Where both are of one power-up session, say so: --deviation FILE "
-            "--any-session."
-        )
-    solution = with_deviation(found.solution, model, latitude=data.latitude, duration=data.duration, in_set=in_set)
-    return replace(found, solution=solution, warnings=(*found.warnings, Finding("deviation_applied", message)))
-
-
-def _named(session: str | None) -> str:
-    return "not stated" if session is None else repr(session)
 
 
 def _batch(method: str, data: Data) -> HeadingBatch:

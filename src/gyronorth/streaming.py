@@ -19,10 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.rotation import from_rotation_vector, multiply
 from gyronorth.alignment.turned_segments import CHUNK
+from gyronorth.choice import TRAINED
 from gyronorth.conditioning import block_means
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.estimate import HeadingEstimate
-from gyronorth.pipeline import TRAINED, heading
+from gyronorth.pipeline import heading
 from gyronorth.recording import InputError, Recording
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.solution import Data, saturation_gates

@@ -6,6 +6,8 @@ refused or could not be computed, with the reasons.
 
 from __future__ import annotations
 
+import os
+
 from gyronorth.cli import (  # noqa: F401  # they join the application
     benchmark_command,
     calibrate_command,
@@ -20,4 +22,7 @@ from gyronorth.cli.app import app
 
 def main() -> None:
     """Entry point of the `gyronorth` command."""
+    # Matrices are small here: a second thread of the matrix library brings nothing, and waits for its turn on a busy
+    # machine (`allan` took six times as long).
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     app()
