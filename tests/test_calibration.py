@@ -59,7 +59,22 @@ def test_another_or_no_session_is_left_alone_unless_told_otherwise(swing):
     assert not nameless.covers(None)
 
 
+def test_far_from_every_heading_of_the_swing_nothing_is_corrected():
+    """Six recordings within 50 deg may agree on a curve; what it is on the other side they cannot know."""
+    model = calibrate([at(angle) for angle in np.radians([0, 10, 20, 30, 40, 50, 15])]).model
+    for degrees, code in ((90.0, "deviation_applied"), (100.0, "deviation_unused"), (230.0, "deviation_unused")):
+        new = at(np.radians(degrees), seed=1)
+        plain, found = (heading(new, sensor=SENSOR, method="mean", deviation=curve) for curve in (None, model))
+        assert [warning.code for warning in found.warnings] == [code]
+        assert (found.heading == plain.heading) == (code == "deviation_unused")
+        if code == "deviation_unused":
+            off = np.degrees(np.abs(angle_error(model.heading, plain.heading)).min())
+            assert f"is {off:.0f} deg away; within 45 deg" in found.warnings[0].message
+
+
 def test_a_swing_that_cannot_be_used_is_refused(swing):
+    with pytest.raises(InputError, match="swing and a copy are one and the same recording"):
+        calibrate([*swing, replace(swing[3], source="a copy")])
     with pytest.raises(InputError, match="needs at least"):
         calibrate(swing[:5])
     with pytest.raises(InputError, match="2 sessions"):

@@ -11,6 +11,7 @@ import re
 import resource
 import subprocess
 import sys
+from dataclasses import replace
 from math import radians
 
 import numpy as np
@@ -23,6 +24,7 @@ from gyronorth.cli import app
 from gyronorth.cli.progress import reading_file
 from gyronorth.report import figures
 from gyronorth.sensor import read_sensor
+from gyronorth.simulation import simulate
 
 DESIGN_KEYS = """
 schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg pitch_deg
@@ -277,6 +279,23 @@ def test_bad_usage_is_one_message(rec, tmp_path, monkeypatch, arguments, words):
     for word in words:
         assert word in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_deviation_curve_knows_the_boresight_it_was_measured_with(tmp_path):
+    swing, rng = tmp_path / "swing", np.random.default_rng(3)
+    swing.mkdir()
+    for number in range(8):
+        made = {"latitude": radians(32.11), "heading": number * np.pi / 4, "duration": 30, "rate_hz": 3, "rng": rng}
+        readers.write(replace(simulate("sdc500", **made), session="swing"), swing / f"{number}.csv")
+    curve = tmp_path / "curve.json"
+    assert run("calibrate", swing, "-o", curve, "--boresight", "0,0,90").exit_code == 0
+    corrected = ("heading", swing / "2.csv", "--deviation", curve, "--sensor", "sdc500", "--json")
+    refused = run(*corrected, "--boresight", "0,0,-90")
+    assert refused.exit_code == 2
+    assert "curve.json was measured with --boresight 0,0,90, but this is 0,0,-90" in refused.stderr
+    assert run(*corrected).exit_code == 2
+    _, found = run_json(*corrected, "--boresight", "0,0,90")
+    assert [warning["code"] for warning in found["warnings"]] == ["deviation_applied"]
 
 
 def test_missing_latitude(rec, tmp_path):

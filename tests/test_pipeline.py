@@ -27,6 +27,18 @@ def recorded(sensor="sdc500", *, seed=1, duration=100.0, **options):
     return simulate(sensor, duration=duration, rng=np.random.default_rng(seed), **settings_)
 
 
+@pytest.mark.parametrize(("rate_hz", "first", "held"), [(10.0, 300, 25), (3.0, 0, 300), (100.0, 9000, 250)])
+def test_an_output_that_hangs_is_warned_of(rate_hz, first, held):
+    recording = recorded(rate_hz=rate_hz)
+    gyro_b = recording.gyro_b.copy()
+    gyro_b[first : first + held] = gyro_b[first]
+    (warning,) = [w for w in heading(replace(recording, gyro_b=gyro_b), sensor="sdc500").warnings if w.code == "frozen"]
+    assert warning.value == pytest.approx(held / rate_hz)
+    assert f"from {first / rate_hz:.1f} to {(first + held) / rate_hz:.1f} s" in warning.message
+    gyro_b[first + 2 : first + held : 15] += 1e-9  # holds of at most 1.5 s, or 15 samples
+    assert "frozen" not in {w.code for w in heading(replace(recording, gyro_b=gyro_b), sensor="sdc500").warnings}
+
+
 @settings(max_examples=40, deadline=None)
 @given(
     heading_=floats(0, 6.28), roll=floats(-1.05, 1.05), pitch=floats(-1.05, 1.05), latitude=floats(-1.4, 1.4)

@@ -158,7 +158,8 @@ def test_repeated_rows_can_be_dropped(tmp_path):
         (1e-6, {}, "a rate of 1e\\+08 Hz"),
         (1, {"rate_hz": 99}, r"t of rec.csv gives a rate of 100 Hz, but 99 Hz is declared"),
         (1000, {"rate_hz": 100}, "gives a rate of 0.1 Hz, but 100 Hz is declared"),
-        (0, {}, r"time repeats|single time"),
+        (0, {}, r"t of rec.csv is 0 in every row: no clock, or one too coarse.*--columns t=- --rate HZ"),
+        (-1, {}, r"t of rec.csv runs backwards, from -?0 to -2.99: rows in reverse order"),
     ],
 )
 def test_time_in_another_unit_or_against_the_rate(tmp_path, scale, options, message):

@@ -91,6 +91,7 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
             "a deviation curve holds at one place. Leave out those of another."
         )
     heading, surplus, truth = (np.array(column) for column in zip(*observed, strict=True))
+    _check_different(recordings, np.stack([heading, surplus, truth], axis=-1))
     session = sessions.pop()
     duration = float(np.median([recording.duration for recording in recordings]))
     left_out, sigma = np.zeros(len(heading)), np.zeros(len(heading))
@@ -103,6 +104,16 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
         heading, surplus, truth, session=session, duration=duration, latitude=float(np.median(places))
     )
     return Calibration(model, truth, angle_error(heading, truth), left_out, sigma)
+
+
+def _check_different(recordings: Sequence[Recording], observed: Array) -> None:
+    """No recording twice: its copy would be foretold without error, and the curve be believed too much."""
+    _, first, counts = np.unique(observed, axis=0, return_index=True, return_counts=True)
+    if (counts > 1).any():
+        repeated = observed[int(first[np.argmax(counts)])]
+        twice = np.flatnonzero((observed == repeated).all(axis=1)).tolist()
+        names = " and ".join(recordings[i].source or f"number {i + 1}" for i in twice)
+        raise InputError(f"{names} are one and the same recording. Leave its copies out of the swing.")
 
 
 def observe(recording: Recording, latitude: float | None) -> tuple[float, float, float]:

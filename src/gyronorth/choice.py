@@ -13,6 +13,7 @@ import numpy as np
 
 from gyronorth.alignment.closed_form import Levelled
 from gyronorth.alignment.turned_segments import Segments
+from gyronorth.angles import angle_error
 from gyronorth.conclusion import Found
 from gyronorth.deviation import DeviationModel
 from gyronorth.recording import InputError
@@ -49,6 +50,8 @@ UNLEARNED = "The disturbance is of no kind that was learned; sigma is widened by
 UNSTEADY = 0.5
 #: A deviation curve applies within this of the latitude it was measured at, rad.
 DEVIATION_LATITUDE = np.radians(2.0)
+#: And of one of its headings, rad: in the middle between the six that it takes at least one is 30 deg off.
+DEVIATION_SUPPORT = np.radians(45.0)
 
 
 def find(
@@ -204,9 +207,16 @@ def deviated(found: Found, data: Data, model: DeviationModel, *, session: str | 
             f"{np.degrees(data.latitude):.2f} deg: the same bias costs another angle there. Measure a new curve."
         )
     in_set = model.covers(session)
-    if in_set:
+    off = float(np.min(np.abs(angle_error(model.heading, found.solution.levelled.heading))))
+    applied = in_set and off <= DEVIATION_SUPPORT
+    if applied:
         message = (
             f"Corrected by a deviation curve of {len(model.heading)} recordings; it holds for that unit and session."
+        )
+    elif in_set:
+        message = (
+            f"The nearest heading of the deviation curve is {np.degrees(off):.0f} deg away; within "
+            f"{np.degrees(DEVIATION_SUPPORT):.0f} deg it is believed: not applied."
         )
     else:
         message = (
@@ -214,8 +224,9 @@ def deviated(found: Found, data: Data, model: DeviationModel, *, session: str | 
             f"{_named(session)}: not applied. Where both are of one power-up session, say so: --deviation FILE "
             "--any-session."
         )
-    solution = with_deviation(found.solution, model, latitude=data.latitude, duration=data.duration, in_set=in_set)
-    return replace(found, solution=solution, warnings=(*found.warnings, Finding("deviation_applied", message)))
+    solution = with_deviation(found.solution, model, latitude=data.latitude, duration=data.duration, in_set=applied)
+    warning = Finding("deviation_applied" if applied else "deviation_unused", message)
+    return replace(found, solution=solution, warnings=(*found.warnings, warning))
 
 
 def _named(session: str | None) -> str:

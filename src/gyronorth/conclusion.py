@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import wrap_heading
-from gyronorth.conditioning import still_segments
+from gyronorth.conditioning import longest_hold, still_segments
 from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import HeadingBatch, HeadingEstimate, Pose, Turn, Unrest
 from gyronorth.recording import Recording, shift_utc
 from gyronorth.solution import Data, Disturbance, Solution, saturation_gates
-from gyronorth.validity import Finding, Gate, implied_latitude
+from gyronorth.validity import FEWEST_SAMPLES, SHORTEST, Finding, Gate, implied_latitude
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,21 @@ def _warnings(recording: Recording, data: Data, moved: Disturbance | None) -> tu
         warnings.append(Finding("assumed_level", message))
     if moved is not None and moved.detected:
         warnings.append(_swaying(moved))
+    first, held = longest_hold(data.gyro_b)
+    noiseless = data.sensor is not None and data.sensor.gyro.white == 0  # simulated
+    if held >= max(FEWEST_SAMPLES, SHORTEST * data.rate_hz) and not noiseless:
+        warnings.append(_frozen(first / data.rate_hz, held / data.rate_hz))
     warnings += [Finding(note.code, note.message, note.value, note.limit) for note in recording.notes]
     return tuple(warnings)
+
+
+def _frozen(start: float, duration: float) -> Finding:
+    """The warning of an output that does not change."""
+    message = (
+        f"The gyro's output does not change from {start:.1f} to {start + duration:.1f} s: the sensor or its link hung, "
+        "or it rounds far above its noise. Sigma knows nothing of that."
+    )
+    return Finding("frozen", message, duration, SHORTEST)
 
 
 def _swaying(moved: Disturbance) -> Finding:

@@ -53,6 +53,14 @@ def decimate(x: ArrayLike, *, rate_hz: float, to_hz: float) -> Array:
     return _means_between(x, edge, to_hz / rate_hz)
 
 
+def longest_hold(x: ArrayLike) -> tuple[int, int]:
+    """First sample and length of the longest run of equal rows in `x`, shape (n, k), n at least 1."""
+    x = np.asarray(x)
+    edges = np.flatnonzero(np.concatenate([[True], (x[1:] != x[:-1]).any(axis=1), [True]]))
+    longest = int(np.argmax(np.diff(edges)))
+    return int(edges[longest]), int(edges[longest + 1] - edges[longest])
+
+
 def _check_decimation(rate_hz: float, to_hz: float) -> None:
     if not 0 < to_hz <= rate_hz:
         raise InputError(

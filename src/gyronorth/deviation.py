@@ -86,6 +86,7 @@ class DeviationModel:
     session: str | None = None  # the set or power-up session they come from
     duration: float | None = None  # of the recordings, s
     latitude: float | None = None  # at which they were made, rad
+    boresight: tuple[float, float, float] | None = None  # declared for them: roll, pitch, yaw, rad; None: not known
 
     def predict(
         self, heading: ArrayLike, surplus: ArrayLike, *, in_set: ArrayLike = True
@@ -160,6 +161,9 @@ def read_deviation(path: str | Path) -> DeviationModel:
         fields = json.loads(Path(path).read_text())
         if fields.pop("schema") != SCHEMA:
             raise KeyError("schema")
+        if fields.get("boresight") is not None:
+            roll, pitch, yaw = map(float, fields["boresight"])
+            fields["boresight"] = roll, pitch, yaw
         arrays: dict[str, Any] = {k: np.asarray(v, float) if isinstance(v, list) else v for k, v in fields.items()}
         return DeviationModel(**arrays)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -40,7 +41,7 @@ def calibrate(
     recordings = [readers.read(path, reading) for path in files_done(readers.recordings_in(folder))]
     with working("fitting the deviation curve"):
         found = calibration.calibrate(recordings, latitude=reading.latitude)
-    found.model.write(output)
+    replace(found.model, boresight=reading.boresight).write(output)
     if as_json:
         print_json(found.to_json())
     else:

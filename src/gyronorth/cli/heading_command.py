@@ -158,7 +158,7 @@ def heading(
         if single:
             raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
     attitude = None if roll is None else (roll, pitch)
-    curve = _deviation_model(deviation, any_session=any_session, biased=gyro_bias is not None)
+    curve = _deviation_model(deviation, reading, any_session=any_session, biased=gyro_bias is not None)
     if curve is not None and method is Method.auto:
         method = Method.mean  # what a deviation curve corrects
     request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude, model, turn_angles, curve)
@@ -266,7 +266,9 @@ def _sensor(name_or_file: str | None) -> Sensor | None:
     return read_sensor(name_or_file)
 
 
-def _deviation_model(path: Path | None, *, any_session: bool, biased: bool) -> DeviationModel | None:
+def _deviation_model(
+    path: Path | None, reading: ReadOptions, *, any_session: bool, biased: bool
+) -> DeviationModel | None:
     from gyronorth.recording import InputError
 
     if path is None:
@@ -284,6 +286,17 @@ def _deviation_model(path: Path | None, *, any_session: bool, biased: bool) -> D
     from gyronorth.deviation import ANY_SESSION, read_deviation
 
     curve = read_deviation(path)
+    if (
+        curve.boresight is not None
+        and max(abs(a - b) for a, b in zip(curve.boresight, reading.boresight, strict=True)) > 1e-6
+    ):
+        theirs, ours = (
+            ",".join(f"{degrees(angle):g}" for angle in each) for each in (curve.boresight, reading.boresight)
+        )
+        raise InputError(
+            f"{path.name} was measured with --boresight {theirs}, but this is {ours}: the curve holds for "
+            f"the headings of that mounting. Give --boresight {theirs} here too, or calibrate anew."
+        )
     return replace(curve, session=ANY_SESSION) if any_session else curve
 
 

@@ -138,17 +138,30 @@ class Regulariser:
 
     def _settle(self, block: Block) -> None:
         """Sample interval and rate from the first usable block."""
-        clock, name = self._source.clock, self._source.name
+        clock = self._source.clock
         if clock is not None:
             time = block.values[:, 0]
             self._ticks = measure(self._differences(time[np.isfinite(time)]))
             if self._ticks is None and self.rate_hz is None:
-                raise InputError(f"{name} has a single time, so its rate is unknown. Declare it: --rate HZ.")
+                raise InputError(self._timeless(time[np.isfinite(time)], clock.name))
             if self._ticks is not None and clock.unit is not None:
                 self._agree(float(f"{1 / (self._ticks.interval * clock.unit):.7g}"), clock.name)
         self._settled = True
         if self._options.window and self.rate_hz:
             self._window = tuple(round(limit * self.rate_hz) for limit in self._options.window)  # type: ignore[assignment]
+
+    def _timeless(self, time: NDArray[np.float64], title: str) -> str:
+        """Why no rate can be had from these times, of which none is later than the one before."""
+        name = self._source.name
+        if len(time) < 2:
+            return f"{name} has a single time, so its rate is unknown. Declare it: --rate HZ."
+        cure = "leave that column out and declare the rate: --columns t=- --rate HZ."
+        if (self._differences(time) == 0).all():
+            return f"{title} of {name} is {time[0]:.10g} in every row: no clock, or one too coarse. Then {cure}"
+        return (
+            f"{title} of {name} runs backwards, from {time[0]:.10g} to {time[-1]:.10g}: rows in reverse order, or "
+            f"another column taken for time, are likely. Put them in order; or {cure}"
+        )
 
     def _agree(self, timed: float, title: str) -> None:
         """Rate of the time column, Hz: against the declared one, or in its place."""

@@ -26,7 +26,7 @@ def print_calibration(found: Calibration, stream: TextIO) -> None:
         ("error", f"{doc['crmse_deg']:.2f} deg uncorrected, {doc['left_out_crmse_deg']:.2f} deg each left out in turn"),
         ("ratio", f"{ratio:.2f}: {verdict}"),
         ("curve", f"there is one with probability {doc['curve_probability']:.2f}"),
-        ("holds for", "this unit in this power-up session; between neighbours in heading, not beyond them"),
+        ("holds for", "this unit in this power-up session; within 45 deg of a heading of the swing"),
     ]
     print_lines(lines, stream)
     stream.write("\n")
