@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,7 @@ from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 #: Tones: lowest and highest frequency, Hz, and spacing x duration: 0.00125 Hz at 100 s.
 FREQUENCIES, SPACING = (0.008, 0.3), 0.125
@@ -141,9 +143,10 @@ def _refined(grid: _Grid, models: _Models, rate_hz: float) -> _Grid:
 
     Cells that hold some of the posterior, and those beside them, are divided.
     """
-    log_weight = models.log_weight - 1.5 * np.log(models.information)
-    weight = np.exp(log_weight - log_weight.max())
-    f = len(grid.frequency)
+    weight, f = np.zeros(models.tones.shape[1]), len(grid.frequency)
+    largest = models.evidence(*models.best)
+    for settling in range(len(models.log_weight)):
+        weight += np.exp(models.evidence(settling) - largest)
     share = sum(np.bincount(t[t >= 0], weight[t >= 0], minlength=f) for t in models.tones) / weight.sum()
     order = np.argsort(-share)[:MOST_CELLS]
     kept = order[(share[order] > REFINED) | (np.arange(len(order)) == 0)]
@@ -157,18 +160,26 @@ def _refined(grid: _Grid, models: _Models, rate_hz: float) -> _Grid:
 
 @dataclass(frozen=True)
 class _Models:
-    """Evidence of every model, arrays over models; noise in units of the law."""
+    """Evidence of every model: of k exponentials or none (first row), with each of m sets of tones.
 
-    log_weight: Array  # prior and determinant and residual; without the constant
-    information: Array  # of the constant, (rad/s)^-2
-    rate: Array  # (3, models) estimate of the constant, rad/s
-    tones: NDArray[np.int64]  # (2, models) numbers of the tones, -1 for none
-    settling: NDArray[np.int64]  # number of the exponential, -1 for none
+    Noise is in units of the law.
+    """
+
+    log_weight: Array  # (k + 1, m) prior and determinant and residual; without the constant
+    information: Array  # (k + 1, m) of the constant, (rad/s)^-2
+    rate: Array  # (3, k + 1, m) estimate of the constant, rad/s
+    tones: NDArray[np.int16]  # (2, m) numbers of the tones, -1 for none
+
+    def evidence(self, settling: int, tones: int | slice = slice(None)) -> Array:
+        """Log weight when nothing is known of the constant."""
+        return np.asarray(self.log_weight[settling, tones] - 1.5 * np.log(self.information[settling, tones]))
 
     @property
-    def best(self) -> int:
-        """The likeliest model when nothing is known of the constant."""
-        return int(np.argmax(self.log_weight - 1.5 * np.log(self.information)))
+    def best(self) -> tuple[int, int]:
+        """Row and column of the likeliest model when nothing is known of the constant."""
+        tops = [int(np.argmax(self.evidence(settling))) for settling in range(len(self.log_weight))]
+        row = int(np.argmax([self.evidence(settling, top) for settling, top in enumerate(tops)]))
+        return row, tops[row]
 
 
 def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 1.0) -> _Models:
@@ -182,24 +193,25 @@ def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 
         gram = gram - in_tone.T @ in_tone
         cross, inner = cross - in_tone.T @ in_known, inner - in_known.T @ in_known
     share = np.diff(TIME_CONSTANT_BINS) / (TIME_CONSTANT_BINS[-1] - TIME_CONSTANT_BINS[0])
-    parts = []
-    for number in range(-1, k):
-        if number < 0:
+    first, second = np.triu_indices(f, 1)
+    none = np.full(f + 1, -1)
+    tones = np.array([[-1, *range(f), *first], [*none, *second]], dtype=np.int16)
+    shape = k + 1, tones.shape[1]
+    models = _Models(np.empty(shape), np.empty(shape), np.empty((3, *shape)), tones)
+    for row in range(k + 1):
+        if row == 0:
             here, seen, rest, cost = gram, cross[:, :4], inner[:4, :4], 0.0
         else:
-            column = 4 + number
+            column = 3 + row
             pivot = inner[column, column] + 1
             here = gram - cross[:, column, None] * (cross[:, column] / pivot)
             seen = cross[:, :4] - cross[:, column, None] * (inner[column, :4] / pivot)
             rest = inner[:4, :4] - inner[:4, column, None] * (inner[column, :4] / pivot)
             cost = np.log(pivot)
-        prior = np.log(1 - SETTLING) if number < 0 else np.log(SETTLING * share[number])
-        parts.append(_with_tones(here, seen, rest, cost, prior, grid.log_prior, f))
-    settling = np.repeat(np.arange(-1, k), [len(part[0]) for part in parts])
-    weight, information, rate = (np.concatenate([part[i] for part in parts], axis=-1) for i in range(3))
-    first, second = np.triu_indices(f, 1)
-    tones = np.stack([np.concatenate([[-1], np.arange(f), first]), np.concatenate([[-1], np.full(f, -1), second])])
-    return _Models(weight, information, rate, np.tile(tones, k + 1), settling)
+        prior = np.log(1 - SETTLING) if row == 0 else np.log(SETTLING * share[row - 1])
+        found = _with_tones(here, seen, rest, cost, prior, grid.log_prior, f)
+        models.log_weight[row], models.information[row], models.rate[:, row] = found
+    return models
 
 
 def _with_tones(
@@ -210,38 +222,41 @@ def _with_tones(
     Columns of `seen` (2 f, 4) and `rest` (4, 4) are the constant and the three axes. Tones
     are eliminated one after the other, by Schur complements of 2 x 2 blocks written out.
     """
-    entries = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (2, 2), (3, 3)]
     cosine, sine = np.arange(f), np.arange(f) + f
     p0, p1 = seen[:f], seen[f:]
     a, b, d = gram[cosine, cosine] + 1, gram[cosine, sine], gram[sine, sine] + 1
     det = a * d - b * b
     ia, ib, id_ = d / det, -b / det, a / det
     h0, h1 = ia[:, None] * p0 + ib[:, None] * p1, ib[:, None] * p0 + id_[:, None] * p1
-    none = np.array([rest[e] for e in entries])
-    single = none[:, None] - np.array([p0[:, x] * h0[:, y] + p1[:, x] * h1[:, y] for x, y in entries])
 
     i, j = np.triu_indices(f, 1)
     g00, g01, g10, g11 = gram[:f, :f][i, j], gram[:f, f:][i, j], gram[f:, :f][i, j], gram[f:, f:][i, j]
     ai, bi, di = ia[i], ib[i], id_[i]
     k00, k10, k01, k11 = ai * g00 + bi * g10, bi * g00 + di * g10, ai * g01 + bi * g11, bi * g01 + di * g11
     s00, s01, s11 = a[j] - g00 * k00 - g10 * k10, b[j] - g00 * k01 - g10 * k11, d[j] - g01 * k01 - g11 * k11
+    del ai, bi, di, k00, k01, k10, k11
     det_ij = s00 * s11 - s01 * s01
     q0 = [p0[j, x] - g00 * h0[i, x] - g10 * h1[i, x] for x in range(4)]
     q1 = [p1[j, x] - g01 * h0[i, x] - g11 * h1[i, x] for x in range(4)]
+    del g00, g01, g10, g11
     c00, c01, c11 = s11 / det_ij, -s01 / det_ij, s00 / det_ij
-    double = np.stack(
-        [
-            single[e, i] - c00 * q0[x] * q0[y] - c01 * (q0[x] * q1[y] + q1[x] * q0[y]) - c11 * q1[x] * q1[y]
-            for e, (x, y) in enumerate(entries)
-        ]
-    )
-    total = np.concatenate([none[:, None], single, double], axis=1)
+
+    def entry(x: int, y: int) -> Array:
+        """What is left of entry (x, y) of `rest` without tones, with each, and with each two."""
+        single = rest[x, y] - (p0[:, x] * h0[:, y] + p1[:, x] * h1[:, y])
+        pair = c00 * q0[x] * q0[y] + c01 * (q0[x] * q1[y] + q1[x] * q0[y]) + c11 * q1[x] * q1[y]
+        return np.concatenate([[rest[x, y]], single, single[i] - pair])
+
     log_det = cost + np.concatenate([[0.0], np.log(det), np.log(det)[i] + np.log(det_ij)])
-    pair = log_prior[i] + log_prior[j] + np.log(2)
-    log_prior_all = prior + np.concatenate([[np.log(TONES[0])], np.log(TONES[1]) + log_prior, np.log(TONES[2]) + pair])
-    information, product, square = total[0], total[1:4], total[4:]
-    residual = np.sum(square - product**2 / information, axis=0)
-    return log_prior_all - 1.5 * log_det - 0.5 * residual, information, product / information
+    both = log_prior[i] + log_prior[j] + np.log(2)
+    log_weight = prior + np.concatenate([[np.log(TONES[0])], np.log(TONES[1]) + log_prior, np.log(TONES[2]) + both])
+    log_weight -= 1.5 * log_det
+    information, rate = entry(0, 0), []
+    for axis in (1, 2, 3):
+        seen_by_one = entry(0, axis)
+        log_weight -= 0.5 * (entry(axis, axis) - seen_by_one**2 / information)
+        rate.append(seen_by_one / information)
+    return log_weight, information, np.array(rate)
 
 
 def _basis(grid: _Grid, masked: NDArray[np.bool_]) -> Array:
@@ -266,11 +281,11 @@ def _grown(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _residual(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Models) -> Array:
     """Whitened residual (n, 3) of the likeliest model, fitted without the masked samples."""
-    best = models.best
-    tones = [t for t in models.tones[:, best] if t >= 0]
-    f, settling = len(grid.frequency), models.settling[best]
+    settling, best = models.best
+    tones = [int(t) for t in models.tones[:, best] if t >= 0]
+    f = len(grid.frequency)
     columns = [grid.one[:, None]] + [grid.tone[:, [t, t + f]] for t in tones]
-    columns += [grid.settling[:, [settling]]] if settling >= 0 else []
+    columns += [grid.settling[:, [settling - 1]]] if settling > 0 else []
     design, target = np.concatenate(columns, axis=1), grid.whiten @ gyro_l
     basis = _basis(grid, masked)
     inside, free = design - basis @ (basis.T @ design), np.ones(design.shape[1])
@@ -297,29 +312,25 @@ def _conclude(
     scale = np.sqrt(excess) if excess > 1 + 4 * np.sqrt(2 / (3 * len(square))) else 1.0
     if scale > 1:
         models = _scan(grid, gyro_l, masked, scale)
-    log_weight, concentration = _weigh(models, latitude, biases)
-    weight = np.exp(log_weight - log_weight.max())
-    bias, used = np.nonzero(weight > NEGLIGIBLE)
-    weight = weight[bias, used] / weight[bias, used].sum()
-    concentration = concentration[bias, used]
-    rate = models.rate[:, used]
+    weight, concentration, settling, tones = _weigh(models, latitude, biases)
+    rate = models.rate[:, settling, tones]
     heading, sigma, interval = _posterior(np.arctan2(-rate[1], rate[0]), concentration, weight)
-    best = used[np.argmax(weight)]
+    best = tones[np.argmax(weight)]
     return BayesFit(
         heading=heading,
         sigma=sigma,
         interval95=interval,
-        tones=float(weight @ (models.tones[:, used] >= 0).sum(axis=0)),
+        tones=float(weight @ (models.tones[:, tones] >= 0).sum(axis=0)),
         frequency=tuple(float(grid.frequency[t]) for t in models.tones[:, best] if t >= 0),
-        settling=float(weight @ (models.settling[used] >= 0)),
+        settling=float(weight @ (settling > 0)),
         bumps=int(masked.sum()),
         noise=float(np.sqrt(excess)),
         rate_l=rate @ weight,
     )
 
 
-def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple[Array, Array]:
-    """Log weight and concentration of the heading for each bias scale and model, shape (biases, models).
+def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple[Array, Array, Index, Index]:
+    """Weight (sum 1), concentration of the heading, row and column of each model that counts, one for each bias scale.
 
     With variance V = 1 / information + bias^2 and headings uniform on the circle of radius w,
     the horizontal part m has the density exp(-(|m|^2 + w^2) / 2 V) I_0(|m| w / V) / (2 pi V), and
@@ -328,12 +339,21 @@ def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple
     from scipy.special import i0e
 
     north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
-    variance = 1 / models.information + np.array(biases)[:, None] ** 2
-    size = np.hypot(models.rate[0], models.rate[1])
-    concentration = size * north / variance
-    log_weight = models.log_weight - 1.5 * np.log(models.information * variance)
-    log_weight = log_weight - ((size - north) ** 2 + (models.rate[2] - down) ** 2) / (2 * variance)
-    return log_weight + np.log(i0e(concentration)), concentration
+    counted, largest = [], -np.inf
+    for row, bias in product(range(len(models.log_weight)), biases):  # in turn, to bound memory
+        information, rate = models.information[row], models.rate[:, row]
+        variance = 1 / information + bias**2
+        size = np.hypot(rate[0], rate[1])
+        concentration = size * north / variance
+        log_weight = models.log_weight[row] - 1.5 * np.log(information * variance) + np.log(i0e(concentration))
+        log_weight -= ((size - north) ** 2 + (rate[2] - down) ** 2) / (2 * variance)
+        largest = max(largest, float(log_weight.max()))
+        used = np.flatnonzero(log_weight > largest + np.log(NEGLIGIBLE))
+        counted.append((log_weight[used], concentration[used], np.full(len(used), row), used))
+    log_weight, concentration, rows, used = (np.concatenate(parts) for parts in zip(*counted, strict=True))
+    kept = log_weight > largest + np.log(NEGLIGIBLE)
+    weight = np.exp(log_weight[kept] - largest)
+    return weight / weight.sum(), concentration[kept], rows[kept], used[kept]
 
 
 def _posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float, float, tuple[float, float]]:
