@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
@@ -70,10 +70,16 @@ def write_bag1(
 
 
 def write_bag2(
-    path: Path, topics: dict[str, list[tuple[int, bytes]]], storage: StoragePlugin = StoragePlugin.SQLITE3
+    path: Path,
+    topics: dict[str, list[tuple[int, bytes]]],
+    storage: StoragePlugin = StoragePlugin.SQLITE3,
+    compression: CompressionMode | None = None,
 ) -> Path:
     """A bag of ROS 2, a folder."""
-    with Writer2(path, version=9, storage_plugin=storage) as writer:
+    writer = Writer2(path, version=9, storage_plugin=storage)
+    if compression is not None:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
         writer.add_connection("/chatter", "std_msgs/msg/String", typestore=ROS2)
         for topic, messages in topics.items():
             connection = writer.add_connection(topic, IMU, typestore=ROS2)

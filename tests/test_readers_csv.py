@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
 from math import degrees, radians
 
 import numpy as np
@@ -339,3 +342,13 @@ def test_degrees_of_the_comments_are_degrees(tmp_path):
     recording = read(csv_file(tmp_path, csv_rows(9), comments=comments))
     assert degrees(recording.latitude or 0) == pytest.approx(-45.5)
     assert degrees(recording.heading_true or 0) == pytest.approx(359.5)
+
+
+@pytest.mark.parametrize(
+    ("pack", "tool"), [(gzip.compress, "gunzip"), (bz2.compress, "bunzip2"), (lzma.compress, "unxz")]
+)
+def test_a_packed_file_is_refused_with_the_tool_that_unpacks_it(tmp_path, pack, tool):
+    path = tmp_path / "rec.csv"
+    path.write_bytes(pack(csv_file(tmp_path, csv_rows(300)).read_bytes()))
+    with pytest.raises(InputError, match=rf"rec.csv is packed. Unpack it first: {tool} rec.csv"):
+        read(path)

@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from ros_files import IMU, ROS1, ROS2, START, cdr, ros1, samples, write_bag1, write_bag2, write_mcap
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from ruamel.yaml import YAML
 from still import LATITUDE, still
 
@@ -61,6 +61,10 @@ MAKERS = {
     ),
     "rosbag2-sqlite3": bag2,
     "rosbag2-mcap": lambda folder: write_bag2(folder / "rec", {"/imu": CDR}, StoragePlugin.MCAP),
+    "rosbag2-zstd-file": lambda folder: write_bag2(folder / "rec", {"/imu": CDR}, compression=CompressionMode.FILE),
+    "rosbag2-zstd-message": lambda folder: write_bag2(
+        folder / "rec", {"/imu": CDR}, compression=CompressionMode.MESSAGE
+    ),
     "db3": lambda folder: next(bag2(folder).glob("*.db3")),
     "mcap": mcap2,
     "mcap-ros1": lambda folder: write_mcap(folder / "rec.mcap", {"/imu": NOETIC}, encoding="ros1"),
@@ -302,6 +306,16 @@ def test_messages_of_a_large_database_alone_are_drawn_not_counted(tmp_path, monk
     for count, share in zip(counts, (1 / 3, 1 / 6), strict=True):
         assert abs(count - 1200 * share) < 4 * 1200 * np.sqrt(share * (1 - share) / 1000)
     assert len(read(path, topic="/imu").gyro_b) == 400
+
+
+def test_a_compressed_database_alone_points_to_its_folder(tmp_path):
+    for mode in ("file", "message"):
+        folder = write_bag2(tmp_path / mode, {"/imu": CDR}, compression=CompressionMode[mode.upper()])
+        path = next(folder.glob("*.db3*"))
+        with pytest.raises(
+            InputError, match=rf"{path.name}(: the messages of /imu are compressed| is packed).* folder"
+        ):
+            read(path)
 
 
 def test_a_bag_still_being_recorded_is_refused(tmp_path):

@@ -45,6 +45,8 @@ SUFFIXES = {
     ".db3": "rosbag2",
     ".mcap": "mcap",
 }
+#: How packed files begin, and what unpacks them.
+PACKED = {b"\x1f\x8b": "gunzip", b"\x28\xb5\x2f\xfd": "zstd -d", b"\xfd7zXZ\x00": "unxz", b"BZh": "bunzip2"}
 #: What a declaration of one of these is good for.
 _VARIABLES, _TOPICS = ("mat", "hdf5"), ("rosbag1", "rosbag2", "mcap")
 
@@ -63,6 +65,8 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
             raise InputError(f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}).")
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path.name} is empty.")
+        if path.is_file():
+            _check_unpacked(path)
         name = "rosbag2" if path.is_dir() else options.format or SUFFIXES.get(path.suffix.lower()) or _sniffed(path)
         if name not in FORMATS:
             raise InputError(f"format is {name!r}; one of {', '.join(FORMATS)} is expected.")
@@ -81,6 +85,14 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} cannot be read: {error}.") from None
+
+
+def _check_unpacked(path: Path) -> None:
+    head = _head(path)
+    tool = next((PACKED[lead] for lead in PACKED if head.startswith(lead)), None)
+    if tool is not None:
+        bag = ", or give the folder of the bag, which is read as it is" if ".db3" in path.name else ""
+        raise InputError(f"{path.name} is packed. Unpack it first: {tool} {path.name}{bag}.")
 
 
 def recordings_in(folder: str | Path) -> list[Path]:

@@ -27,6 +27,8 @@ BLOCK_MESSAGES, PLACE_MESSAGES = 1 << 14, 1 << 10
 EARLIEST_DATE = 1_000_000_000
 #: Seconds of ROS are 32-bit numbers: a recording that begins later is written as time from its start.
 LATEST_START = 2_100_000_000
+#: How zstd begins.
+ZSTD = b"\x28\xb5\x2f\xfd"
 #: The topic that is written.
 TOPIC = "/imu/data_raw"
 _USUAL = Facts(gyro_unit="rad/s", accel_unit="m/s2", axes="flu")
@@ -77,6 +79,11 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
     if not head:
         raise InputError(f"{name}: topic {topic.name} holds no messages.")
     block, logged = _decode(head, cdr=topic.cdr)
+    if bytes(head[0][1][:4]) == ZSTD:
+        raise InputError(
+            f"{name}: the messages of {topic.name} are compressed, each on its own, as metadata.yaml in the folder "
+            "of the bag says. Give that folder."
+        )
     if block.broken[0]:
         raise InputError(
             f"{name}: the first message of {topic.name} has {len(head[0][1])} bytes that are no sensor_msgs/Imu: the "
