@@ -31,11 +31,12 @@ from gyronorth.evaluation import Interval
 from gyronorth.report.figures import write
 from gyronorth.report.study_figures import FIGURES, study_figure
 from gyronorth.studies.benchmark import STUDIES
+from gyronorth.studies.study import Plan
 from gyronorth.studies.tables import Table, cell_text, rows_markdown
 
 PAGES = Path(__file__).parent / "results"
-ORDER = [study.name for study in STUDIES]
-BENCHMARK = {study.name: study.benchmark for study in STUDIES}
+NAMED = {study.name: study for study in STUDIES}
+ORDER = list(NAMED)
 WRITTEN = "<!-- Written by docs/make_results.py from docs/results/data; do not edit. -->"
 
 Study = dict[str, Any]
@@ -43,11 +44,11 @@ Study = dict[str, Any]
 
 def take_over(folder: Path) -> None:
     """Copy the studies in a benchmark's folder to docs/results/data; the results of single units stay there."""
-    found = [path for path in sorted(folder.glob("*.json")) if path.stem in BENCHMARK]
+    found = [path for path in sorted(folder.glob("*.json")) if path.stem in NAMED]
     if not found:
         sys.exit(f"{folder} holds no study; give the folder that was -o of `gyronorth benchmark`.")
     for path in found:
-        target = PAGES / "data" / BENCHMARK[path.stem] / path.name
+        target = PAGES / "data" / NAMED[path.stem].benchmark / path.name
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
 
@@ -72,7 +73,8 @@ def section(study: Study, benchmark: str) -> str:
     lines = [f"## {study['title']}", study["text"]]
     if name in FIGURES:
         lines.append(f"![{study['title']}]({benchmark}-{name}.png)")
-    lines += [table_of(table).to_markdown().strip() for table in study["tables"]]
+    plan = Plan(**study["plan"])
+    lines += [NAMED[name].markdown(table_of(table), plan).strip() for table in study["tables"]]
     if study["recordings"] != "published twin":
         raise SystemExit(f"{name} was run on recordings of somebody's own; pages are made from the shipped data.")
     lines.append(

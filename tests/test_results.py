@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,7 @@ def study(folder, **changes):
         "seed": 3,
         "commit": "0123456789abcdef",
         "command": "gyronorth benchmark paper --study t_back -o FOLDER",
+        "plan": {"seed": 3},
         "recordings": "published twin",
         "text": "What was done.",
         "tables": [{"title": "mixed: 100 s", "columns": ["method", "ratio", "inside"], "rows": [row], "note": "n"}],
@@ -89,7 +91,7 @@ def test_page_is_filled_from_the_files(results, tmp_path):
         "holds",
         "**does not hold**",
     ]
-    assert "| learned | 0.326 (0.310 to 0.340) | 0.940 |" in text
+    assert "| learned | 0.326 (0.310 to 0.340) | 0.940 |\n\nn\n\nFloor (Cramér-Rao, white noise alone): 1.09" in text
     assert "seed 3, commit `0123456789ab`, [all figures as JSON](data/paper/t_back.json)" in text
     assert (tmp_path / "results/paper-t_back.png").stat().st_size > 5000
     assert results.main(["--check"]) == 0
@@ -108,6 +110,18 @@ def test_a_cell_that_is_not_there_is_told(results, tmp_path, where):
 def test_a_folder_without_studies_is_told(results, tmp_path):
     with pytest.raises(SystemExit, match="holds no study"):
         results.main([str(tmp_path)])
+
+
+@pytest.mark.parametrize("name", ["disturbed", "paper", "published", "turned"])
+def test_every_table_of_heading_errors_has_a_floor(name):
+    page = (ROOT / f"docs/results/{name}.md").read_text()
+    tables = {}
+    for section in page.split("\n### ")[1:]:
+        title, _, body = re.split("\n## |\nMade by ", section)[0].partition("\n")
+        if re.search(r"\bdeg\b", body.strip().splitlines()[0]):
+            tables[title] = body
+    assert len(tables) == {"disturbed": 15, "paper": 17, "published": 12, "turned": 1}[name]
+    assert [title for title, body in tables.items() if not re.search(r"\b[Ff]loor\b|\| bound, deg", body)] == []
 
 
 def test_pages_of_the_documentation_are_what_their_data_give(results, monkeypatch):

@@ -7,8 +7,8 @@ and for another set the model-based CRMSE against duration. These figures ship w
 
 **The mean rates, and so the biases, are real. The noise is simulated**: white, of a size
 that makes the CRMSE grow towards short windows as printed, and bridged, so that the mean over
-the whole recording stays the printed one. The set looks selected: one error of 60 is below
-2 deg, where a Gaussian would give about 22.
+the whole recording stays the printed one. The set looks selected: 1 error of 60 is below 2 deg,
+where a Gaussian of the same size would give 23.
 """
 
 from __future__ import annotations

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.angles import angle_error
+from gyronorth.angles import DEG_PER_HOUR, angle_error
 from gyronorth.disturbance import HELD_OUT, KINDS, reference_set
 from gyronorth.evaluation import Interval, bootstrap_crmse, bootstrap_ratio, wilson
-from gyronorth.studies.disturbed_methods import METHODS, Part, part_of
+from gyronorth.sensor import TriadErrors
+from gyronorth.studies.disturbed_methods import METHODS, WHITE, Part, part_of
 from gyronorth.studies.disturbed_paper import ROWS as ROWS_OF_PAPER
 from gyronorth.studies.disturbed_paper import TRAINED, WINDOW, judge_unit, training_units
+from gyronorth.studies.floors import floor_deg
 from gyronorth.studies.methods import as_rad, rounded
 from gyronorth.studies.study import Plan, Study
 from gyronorth.studies.tables import Report, Table, degrees
@@ -135,14 +137,30 @@ def _ratio(error: Array, reference: Array | None, rng: np.random.Generator) -> I
     return bootstrap_ratio(error[:both], reference[:both], np.arange(both), rng=rng)
 
 
+def _title(kind: str, duration: float, bias_deg_h: float) -> str:
+    held = ", held out of training and priors" if kind in HELD_OUT else ""
+    return f"{kind}{held}: {duration:g} s, residual bias {bias_deg_h:g} deg/h"
+
+
+def _floor(plan: Plan, table: Table) -> str:
+    for kind, duration, bias_deg_h, _, _ in CASES:
+        if table.title == _title(kind, duration, bias_deg_h):
+            noise = floor_deg(TriadErrors(white=WHITE), duration)
+            both = floor_deg(TriadErrors(white=WHITE, turn_on_bias=bias_deg_h * DEG_PER_HOUR), duration)
+            return (
+                f"Floor (Cramér-Rao) of an undisturbed recording at {duration:g} s: {noise:.3f} deg for white noise "
+                f"alone, {both:.3f} deg with the residual bias, of which no more is known than its normal law of "
+                f"{bias_deg_h:g} deg/h per axis."
+            )
+    return ""
+
+
 def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
     rng = np.random.default_rng(plan.seed)
     tables, curve = [], {}
     for kind, duration, bias_deg_h, _, _ in CASES:
         rows = _rows(_gathered(results, kind, duration, bias_deg_h), rng)
-        held = ", held out of training and priors" if kind in HELD_OUT else ""
-        title = f"{kind}{held}: {duration:g} s, residual bias {bias_deg_h:g} deg/h"
-        tables.append(Table(title, COLUMNS, rows))
+        tables.append(Table(_title(kind, duration, bias_deg_h), COLUMNS, rows))
         if kind == "mixed" and bias_deg_h == 0.1:
             curve[duration] = {row[0]: vars(row[2]) for row in rows}
     milliseconds = results["disturbed/cost"]["cpu_ms"]
@@ -182,4 +200,4 @@ TEXT = (
     "what it leaves, with its angle in degrees, as in the paper, or as cosine and sine."
 )
 
-DISTURBED = Study("disturbed", "Disturbed recordings", "disturbed", _units, _report)
+DISTURBED = Study("disturbed", "Disturbed recordings", "disturbed", _units, _report, _floor)

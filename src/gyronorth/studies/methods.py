@@ -11,8 +11,10 @@ from gyronorth.angles import DEG_PER_HOUR, angle_error
 from gyronorth.deviation import PRIORS, fit_classical, fit_deviation, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import Split
+from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.studies.source import recordings_of
 from gyronorth.twin import LATITUDE, Twin, model_based
+from gyronorth.uncertainty import cramer_rao_floor
 
 Array = NDArray[np.float64]
 
@@ -45,9 +47,10 @@ def bias_deviation(heading: Array, mean_rate: Array) -> float:
 
 
 def floor(recordings: Twin, duration: float) -> float:
-    """Cramer-Rao floor with bias, rad: sqrt(arw^2 / T + bias^2) / (Earth rate cos lat), bias unlearnable."""
+    """Cramer-Rao floor, rad, of the noise and of a bias that cannot be learnt."""
     bias = bias_deviation(recordings.heading_true, recordings.gyro_l.mean(axis=1))
-    return north(float(np.sqrt(recordings.arw**2 / duration + bias**2)))
+    sensor = Sensor("published", TriadErrors(white=recordings.arw, turn_on_bias=bias))
+    return float(cramer_rao_floor(sensor, latitude=LATITUDE, duration=duration))
 
 
 def judge_split(

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.studies.floors import at_durations, at_window
 from gyronorth.studies.methods import WINDOW
 from gyronorth.studies.network_tables import COLUMNS, DIVERGED, network_row, pooled
 from gyronorth.studies.networks import BASELINE, PAPER, Variant, denoiser_unit, heading_unit, rebuilt, splits_of
@@ -198,7 +199,12 @@ def _crmse(error: np.ndarray) -> float:
 
 
 SCALE = Study(
-    "scale", "Fig. 4: scale of the denoised rate", "paper", lambda p: list(_scale_by(p).values()), _scale_report
+    "scale",
+    "Fig. 4: scale of the denoised rate",
+    "paper",
+    lambda p: list(_scale_by(p).values()),
+    _scale_report,
+    at_window,
 )
-SWEEP = Study("t_back", "Fig. 6 and 7: t_back", "paper", _t_back_units, _t_back_report)
-DURATION = Study("duration", "Fig. 8: duration", "paper", _duration_units, _duration_report)
+SWEEP = Study("t_back", "Fig. 6 and 7: t_back", "paper", _t_back_units, _t_back_report, at_window)
+DURATION = Study("duration", "Fig. 8: duration", "paper", _duration_units, _duration_report, at_durations)

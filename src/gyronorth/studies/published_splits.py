@@ -17,6 +17,7 @@ from gyronorth.evaluation import (
     random_splits,
     share_of_wins,
 )
+from gyronorth.studies.floors import at_durations
 from gyronorth.studies.methods import METHODS, MODEL_BASED, WINDOW, as_rad, floor, judge_split
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Plan, Study
@@ -177,7 +178,7 @@ def _noise_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     return Report(text, (printed, twin), {"printed": on_paper, "twin": curve})
 
 
-NOISE = Study("noise", "The noise of the published twin", "published", _noise_units, _noise_report)
+NOISE = Study("noise", "The noise of the published twin", "published", _noise_units, _noise_report, at_durations)
 LOO = Study(
     "leave_one_out", "Leave one recording out (within set)", "published", loo_units, _report("loo", "Leave one out")
 )

@@ -9,7 +9,7 @@ from typing import Any
 
 from gyronorth.recording import InputError
 from gyronorth.studies.source import described, recordings_of
-from gyronorth.studies.tables import Report
+from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Result, Unit, commit, data_sha256, write_json
 from gyronorth.twin import Twin
 
@@ -62,6 +62,12 @@ class Study:
     benchmark: str  # the command that it belongs to: paper, published, turned or disturbed
     units: Callable[[Plan], list[Unit]]
     report: Callable[[Plan, Mapping[str, Result]], Report]  # of the results by unit name
+    floor: Callable[[Plan, Table], str] = lambda plan, table: ""  # a line below a table of heading errors
+
+    def markdown(self, table: Table, plan: Plan) -> str:
+        """A table of the report as a reader sees it, with the floor of its heading errors below."""
+        line = self.floor(plan, table)
+        return table.to_markdown() + (f"\n{line}\n" if line else "")
 
 
 def write_study(study: Study, plan: Plan, results: Mapping[str, Result], folder: Path, *, command: str) -> Report:
@@ -88,7 +94,7 @@ def write_study(study: Study, plan: Plan, results: Mapping[str, Result], folder:
         "",
         report.text,
         "",
-        *(t.to_markdown() for t in report.tables),
+        *(study.markdown(table, plan) for table in report.tables),
         f"Made by {origin}.",
         "",
     ]
