@@ -14,6 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from gyronorth import streaming
 from gyronorth.alignment.rotation_vectors import rotation
 from gyronorth.angles import angle_error
+from gyronorth.deviation import fit_deviation
 from gyronorth.earth import EARTH_RATE
 from gyronorth.pipeline import METHODS, heading
 from gyronorth.readers import read
@@ -120,6 +121,19 @@ def test_stream_gives_the_heading_of_each_method(method):
     recording = scene("sway")
     ours = stream_of(recording, sensor=SENSOR, method=method).estimate()
     assert_same(ours, heading(recording, sensor=SENSOR, method=method))
+
+
+@pytest.mark.parametrize(("session", "applied"), [("s", True), (None, False), ("another", False)])
+def test_a_deviation_curve_corrects_a_stream_of_its_session(session, applied):
+    recording = replace(scene("still"), session=session)
+    around = 1.0 + np.arange(-6, 6) * 0.2
+    curve = fit_deviation(around, 0.01 * np.cos(7 * around), around - 0.1, session="s", latitude=LATITUDE)
+    how = {"sensor": SENSOR, "method": "mean", "deviation": curve}
+    ours, offline = stream_of(recording, session=session, **how).estimate(), heading(recording, **how)
+    assert_same(ours, offline)
+    assert ours.warnings[-1].code == ("deviation_applied" if applied else "deviation_unused")
+    plain = heading(recording, sensor=SENSOR, method="mean").heading
+    assert (abs(angle_error(plain, ours.heading)) > 0.05) == applied
 
 
 @pytest.mark.parametrize("rate_hz", [565.0, 128.0, 10.0, 2.5])

@@ -21,6 +21,7 @@ from gyronorth.alignment.rotation import from_rotation_vector, multiply
 from gyronorth.alignment.turned_segments import CHUNK
 from gyronorth.choice import TRAINED
 from gyronorth.conditioning import block_means
+from gyronorth.deviation import DeviationModel
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.pipeline import heading
@@ -55,8 +56,10 @@ class StreamingHeading:
         Geodetic latitude, rad.
     accelerometer : bool
         Whether specific force comes with the angular rate.
-    sensor, method, model, attitude
+    sensor, method, model, attitude, deviation
         As in `heading`.
+    session : str, optional
+        Power-up session of the unit, which `deviation` is asked about.
 
     Raises
     ------
@@ -83,12 +86,15 @@ class StreamingHeading:
         method: str = "auto",
         attitude: tuple[float, float] | None = None,
         model: str | Path | None = None,
+        deviation: DeviationModel | None = None,
+        session: str | None = None,
     ) -> None:
         self.rate_hz = float(rate_hz)
         self.latitude = float(latitude)
         self.accelerometer = accelerometer
         self._sensor = None if sensor is None else read_sensor(sensor)
         self._method, self._attitude, self._model = method, attitude, model
+        self._deviation, self._session = deviation, session
         trial = "auto" if method == "turned" else method  # one pose alone tells a fit of turns nothing
         self._align(_still_unit(self.rate_hz, self.latitude, accelerometer), trial)
         self.restart()
@@ -158,7 +164,14 @@ class StreamingHeading:
         return times, np.linalg.norm(rate_b, axis=1)
 
     def _align(self, recording: Recording, method: str) -> HeadingEstimate:
-        return heading(recording, sensor=self._sensor, method=method, model=self._model, attitude=self._attitude)
+        return heading(
+            replace(recording, session=self._session),
+            sensor=self._sensor,
+            method=method,
+            model=self._model,
+            attitude=self._attitude,
+            deviation=self._deviation,
+        )
 
     def _found(self) -> HeadingEstimate:
         store = self._store

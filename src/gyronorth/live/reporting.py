@@ -54,6 +54,9 @@ def _inputs(status: Status, settings: Settings) -> list[tuple[str, str]]:
     if settings.gyro_bias is not None:
         bias = ", ".join(f"{value / DEG_PER_HOUR:g}" for value in settings.gyro_bias)
         inputs.append(("gyro bias subtracted", f"{bias} deg/h"))
+    if settings.deviation is not None:
+        curve = settings.deviation
+        inputs.append(("deviation curve", f"{len(curve.heading)} recordings, session {curve.session or 'not stated'}"))
     inputs.append(("lines", f"{counters.lines}, of which {counters.good} good, {counters.garbage} garbage"))
     inputs.append(("samples lost", f"{counters.lost} in {counters.gaps} gaps"))
     inputs += [(f"mark at {mark.time:.1f} s", mark.text or "(no label)") for mark in status.marks]

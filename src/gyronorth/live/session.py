@@ -11,6 +11,7 @@ from threading import Event, Thread
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.deviation import DeviationModel
 from gyronorth.live.estimation import Estimation, Found
 from gyronorth.live.lines import Batch, Form, LineReader, Rows
 from gyronorth.live.recorder import Recorder, utc_now
@@ -48,6 +49,7 @@ class Settings:
     sensor: Sensor | None = None
     method: str = "auto"
     gyro_bias: tuple[float, float, float] | None = None  # rad/s, body axes
+    deviation: DeviationModel | None = None
     save: Path | None = None
 
 
@@ -271,6 +273,8 @@ class Session:
                     accelerometer=accel_b is not None,
                     sensor=self.settings.sensor,
                     method=self.settings.method,
+                    deviation=self.settings.deviation,
+                    session=stretch.stated.session,
                 )
             )
         bias = self.settings.gyro_bias
