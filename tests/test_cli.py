@@ -226,6 +226,14 @@ class TestFolder:
         assert result.exit_code == 2
         assert "holds no recordings" in result.stderr
 
+    def test_a_curve_of_an_empty_folder_says_what_it_needs(self, tmp_path):
+        (tmp_path / "empty").mkdir()
+        result = run("calibrate", tmp_path / "empty", "-o", tmp_path / "curve.json")
+        assert result.exit_code == 2
+        for words in ("is empty and holds no recordings", ".csv", "at least 7 recordings at known headings"):
+            assert words in result.stderr
+        assert not (tmp_path / "curve.json").exists()
+
     def test_a_wrong_sensor_is_one_error(self, folder):
         result = run("heading", folder, "--sensor", "hg990")
         assert result.exit_code == 2
