@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from gyronorth import readers
 from gyronorth.cli import app
 from gyronorth.cli.progress import reading_file
+from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.report import figures
 from gyronorth.sensor import read_sensor
 
@@ -386,6 +387,15 @@ class TestRecordings:
         for word in words:
             assert word in result.stderr
         assert list(tmp_path.iterdir()) == []
+
+    def test_help_and_message_list_the_same_disturbances(self, tmp_path):
+        where = ("--sensor", "sdc500", "--latitude", 9, "--heading", 3, "--duration", 10, "--rate", 10, "--seed", 1)
+        refused = run("simulate", *where, "-o", tmp_path / "x.csv", "--disturbance", "quake").stderr
+        listed = refused.partition("known are ")[2].strip(" .\n").split(", ")
+        assert listed == [*KINDS, *HELD_OUT]
+        shown = re.search(r"--disturbance(.*?)\[default", run("simulate", "--help").stdout, re.DOTALL)
+        assert shown is not None
+        assert [word for word in re.findall(r"[a-z]+", shown[1]) if word in listed] == listed
 
     def test_convert_keeps_the_mean_at_any_ratio(self, rec, tmp_path):
         assert run("convert", rec, "-o", tmp_path / "slow.npz", "--decimate-to", 3).exit_code == 0
