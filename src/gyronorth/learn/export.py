@@ -85,6 +85,7 @@ def export_bundle(
             "gyronorth": _version("gyronorth"),
             "torch": torch.__version__,
             "data": data.source if data else "synthetic",
+            **({"no_deviation": data.no_swing} if data and data.no_swing else {}),
         },
     )
     (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
@@ -226,6 +227,11 @@ def model_card(bundle: Bundle) -> str:
         lines.append(
             "- `heading --method learned --model` with this bundle corrects the closed form by the deviation of the "
             "training and validation recordings (`deviation.json`), in their session only."
+        )
+    elif "no_deviation" in bundle.provenance:
+        lines.append(
+            f"- No deviation curve (`deviation.json`), so no `heading --method learned`: "
+            f"{bundle.provenance['no_deviation']}."
         )
     if domain.unit or domain.session:
         lines.append(
