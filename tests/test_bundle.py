@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from typer.testing import CliRunner
 
 torch = pytest.importorskip("torch", reason="PyTorch comes with the extra train")
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra learned")
@@ -20,6 +21,7 @@ from gyronorth.alignment.bundle import Bundle, Domain, RecordingFacts, mismatch,
 from gyronorth.alignment.diffusion import Sampler  # noqa: E402
 from gyronorth.alignment.learned import clean, decode, last_window, load_bundle, misfits, run  # noqa: E402
 from gyronorth.angles import angle_error, cyclic_rmse  # noqa: E402
+from gyronorth.cli import app  # noqa: E402
 from gyronorth.deviation import rate_surplus  # noqa: E402
 from gyronorth.learn.data import HeadingSet, Swing, TrainingData, synthetic_set  # noqa: E402
 from gyronorth.learn.export import export_bundle, model_card  # noqa: E402
@@ -27,6 +29,7 @@ from gyronorth.learn.settings import Settings, baseline, paper  # noqa: E402
 from gyronorth.learn.shipped import twin_data  # noqa: E402
 from gyronorth.learn.stages import train_denoiser, train_heading  # noqa: E402
 from gyronorth.pipeline import heading, heading_batch  # noqa: E402
+from gyronorth.readers import write  # noqa: E402
 from gyronorth.recording import InputError, Recording  # noqa: E402
 
 LATITUDE = radians(32.11)
@@ -239,6 +242,27 @@ def test_a_units_bundle_corrects_the_closed_form_in_its_session_and_says_so(own_
     assert "learned + deviation" in card
     assert "Carries the deviation of unit not stated, session s" in card
     assert info.metrics["test_deviation_crmse_deg"] < 0.6 * info.metrics["test_model_based_crmse_deg"]
+
+
+def test_a_known_bias_and_a_bundle_that_carries_a_curve_would_correct_twice(own_bundle, exported, tmp_path):
+    write(biased("s"), tmp_path / "rec.csv")
+    arguments = ["heading", str(tmp_path / "rec.csv"), "--gyro-bias", "1.1,0,0", "--method"]
+    result = CliRunner().invoke(app, [*arguments, "learned", "--model", str(own_bundle)])
+    assert result.exit_code == 2
+    assert "--gyro-bias was given, and --model" in result.output
+    assert "would correct it twice" in result.output
+    result = CliRunner().invoke(app, [*arguments, "paper", "--model", str(exported[0])])
+    assert "twice" not in result.output
+
+
+def test_why_a_bundle_is_without_a_curve_is_written_into_it(tmp_path):
+    denoiser, network, data = made("flattened", "degrees", t_back=998)
+    why = "the recordings are of latitudes from 32.00 to 48.00 deg"
+    export_bundle(tmp_path / "b", denoiser=denoiser, heading=network, data=replace(data, latitude=None, no_swing=why))
+    assert read_bundle(tmp_path / "b").provenance["no_deviation"] == why
+    assert f"No deviation curve (`deviation.json`), so no `heading --method learned`: {why}." in (
+        (tmp_path / "b" / "README.md").read_text()
+    )
 
 
 @pytest.mark.parametrize("session", ["another", None])

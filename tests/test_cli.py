@@ -22,6 +22,7 @@ from typer.testing import CliRunner
 from gyronorth import readers
 from gyronorth.cli import app
 from gyronorth.cli.progress import reading_file
+from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.report import figures
 from gyronorth.sensor import read_sensor
 from gyronorth.simulation import simulate
@@ -228,6 +229,14 @@ class TestFolder:
         assert result.exit_code == 2
         assert "holds no recordings" in result.stderr
 
+    def test_a_curve_of_an_empty_folder_says_what_it_needs(self, tmp_path):
+        (tmp_path / "empty").mkdir()
+        result = run("calibrate", tmp_path / "empty", "-o", tmp_path / "curve.json")
+        assert result.exit_code == 2
+        for words in ("is empty and holds no recordings", ".csv", "at least 7 recordings at known headings"):
+            assert words in result.stderr
+        assert not (tmp_path / "curve.json").exists()
+
     def test_a_wrong_sensor_is_one_error(self, folder):
         result = run("heading", folder, "--sensor", "hg990")
         assert result.exit_code == 2
@@ -397,6 +406,15 @@ class TestRecordings:
         for word in words:
             assert word in result.stderr
         assert list(tmp_path.iterdir()) == []
+
+    def test_help_and_message_list_the_same_disturbances(self, tmp_path):
+        where = ("--sensor", "sdc500", "--latitude", 9, "--heading", 3, "--duration", 10, "--rate", 10, "--seed", 1)
+        refused = run("simulate", *where, "-o", tmp_path / "x.csv", "--disturbance", "quake").stderr
+        listed = refused.partition("known are ")[2].strip(" .\n").split(", ")
+        assert listed == [*KINDS, *HELD_OUT]
+        shown = re.search(r"--disturbance(.*?)\[default", run("simulate", "--help").stdout, re.DOTALL)
+        assert shown is not None
+        assert [word for word in re.findall(r"[a-z]+", shown[1]) if word in listed] == listed
 
     def test_convert_keeps_the_mean_at_any_ratio(self, rec, tmp_path):
         assert run("convert", rec, "-o", tmp_path / "slow.npz", "--decimate-to", 3).exit_code == 0

@@ -186,20 +186,20 @@ def test_own_recordings_of_one_session_hold_a_swing(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("sessions", "latitudes", "given", "session", "swings"),
+    ("sessions", "latitudes", "given", "session", "why"),
     [
-        ([None], (0,), None, None, True),
-        (["monday", "tuesday"], (0,), None, "monday, tuesday", False),
-        (["monday"], (0, 1), None, "monday", False),
-        (["monday"], (None,), None, "monday", False),
-        (["monday"], (None,), 0.0, "monday", True),
+        ([None], (0,), None, None, ""),
+        (["monday", "tuesday"], (0,), None, "monday, tuesday", "the recordings are of 2 sessions"),
+        (["monday"], (0, 1), None, "monday", "the recordings are of latitudes from 0.00 to 1.00 deg"),
+        (["monday"], (0, None), None, "monday", "6 of 12 recordings state no latitude"),
+        (["monday"], (None,), 0.0, "monday", ""),
     ],
 )
-def test_a_swing_needs_one_session_and_one_latitude(tmp_path, sessions, latitudes, given, session, swings):
+def test_a_swing_needs_one_session_and_one_latitude(tmp_path, sessions, latitudes, given, session, why):
     reading = None if given is None else ReadOptions(latitude=given)
     data = own_data(swing_folder(tmp_path, sessions, latitudes), settings=SHORT, reading=reading)
     assert data.session == session
-    assert (data.swing is not None) == swings
+    assert (data.swing is None, data.no_swing) == (bool(why), why)
 
 
 def test_too_few_recordings_train_nothing(folder):

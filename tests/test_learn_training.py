@@ -225,6 +225,17 @@ def test_what_cannot_be_trained_is_refused(tmp_path):
         run_training(TINY, "all", None, tmp_path / "b")
     with pytest.raises(InputError, match="holds no trained denoiser"):
         run_training(TINY, "regressor", data(), tmp_path / "b")
+    with pytest.raises(InputError, match="across_batch cannot be exported"):
+        run_training(changed(TINY, layout="across_batch"), "denoiser", None, tmp_path / "b")
+    with pytest.raises(InputError, match="2 recordings; at least 3"):
+        run_training(changed(TINY, synthetic={"headings": 2}), "denoiser", None, tmp_path / "b")
+    assert list(tmp_path.iterdir()) == []  # nothing is begun
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("mine")
+    for name, message in (("full", "not empty and not a bundle"), ("full/mine.txt", "is a file; give a new folder")):
+        with pytest.raises(InputError, match=message):
+            run_training(TINY, "denoiser", None, tmp_path / name)
+    assert [path.name for path in tmp_path.rglob("*")] == ["full", "mine.txt"]
     run_training(TINY, "denoiser", None, tmp_path / "b")
     with pytest.raises(InputError, match="--resume"):
         run_training(TINY, "denoiser", None, tmp_path / "b")

@@ -121,6 +121,14 @@ def test_comments_count_right_before_a_header_only():
     assert stated_facts(reader.stated, "stream")[0].latitude == pytest.approx(radians(40))
 
 
+def test_comments_are_remembered_by_their_row_in_the_stream():
+    reader = LineReader("stream", ReadOptions())
+    for text in (HEAD, "".join(ROWS[:3]), "\n#\n# session: b\n" + ",".join(TITLES) + "\n"):
+        reader.push(text.encode())
+    assert reader.stated["latitude_deg"][1] == HEAD.splitlines().index("# latitude_deg: 32.11") + 1
+    assert reader.stated["session"] == ("b", len(HEAD.splitlines()) + 3 + 3)
+
+
 def test_only_so_many_comments_are_remembered():
     flood = "".join(f"# k{'a' * number}: 1\n" for number in range(4 * MOST_KEYS))
     reader, _ = read_all((flood + ",".join(TITLES) + "\n" + flood + ",".join(TITLES) + "\n").encode())

@@ -25,6 +25,7 @@ from gyronorth.live.session import Session, Settings
 from gyronorth.live.sources import Connected, Lost
 from gyronorth.live.status import Status
 from gyronorth.live.stretch import Stretch
+from gyronorth.live.wording import lights
 from gyronorth.readers import ReadOptions
 from gyronorth.recording import InputError
 
@@ -256,6 +257,52 @@ def test_a_file_that_exists_is_left_alone(tmp_path):
     assert [path.read_text() for path in (tmp_path / "rec.csv", tmp_path / "rec.2.csv")] == ["mine", "mine too"]
     assert session.status.recording == tmp_path / "rec.3.csv"
     assert rows_in(tmp_path / "rec.3.csv") == ROWS[:1500]
+
+
+def test_a_recording_is_named_only_once_its_file_is_there(tmp_path):
+    before = []
+    played = Played(
+        HEAD, lambda: before.append(session.status), 0.3, lambda: before.append(session.status), ROWS[:1500]
+    )
+    session = Session(played, Settings(ReadOptions(), save=tmp_path / "rec.csv"))
+    assert session.status.recording is None
+    session.start()
+    assert session.ended.wait(90)
+    session.close()
+    for status in before:
+        assert (status.recording, status.to_json()["live"]["recording"]) == (None, None)
+    assert "The file is made with the first good row" in lights(before[0])
+    assert session.status.recording == tmp_path / "rec.csv"
+
+
+def live_of(given: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """`live -` without a page, on what it is given."""
+    command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    return subprocess.run(command, env=environment, input=given, capture_output=True, text=True, check=False)
+
+
+def test_garbage_alone_is_counted_and_shown_and_leaves_no_file(tmp_path):
+    arguments = ("--latitude", "32", "--save", str(tmp_path / "rec.csv"))
+    run = live_of("a poem\nof two lines\n$GPGGA,1\n", *arguments)
+    assert run.returncode == 2
+    for words in ("3 lines from standard input", "3 rejected", "'$GPGGA,1'", "t,w_x,w_y,w_z", "no file was made"):
+        assert words in run.stderr
+    assert "Traceback" not in run.stderr
+    assert list(tmp_path.iterdir()) == []
+    run = live_of("a poem\n", *arguments, "--json")
+    assert (run.returncode, json.loads(run.stdout)["live"]["recording"]) == (2, None)
+
+
+def test_rows_that_no_sensor_gives_point_to_the_unit():
+    run = live_of("t,w_x,w_y,w_z\n0,900,0,0\n0.1,900,0,1\n", "--latitude", "32", "--gyro-unit", "rad/s")
+    assert run.returncode == 2
+    assert "2 hold values that no sensor gives. Check --gyro-unit" in run.stderr
+
+
+def test_nothing_at_all_is_no_heading():
+    run = live_of("", "--latitude", "32")
+    assert (run.returncode, run.stdout) == (3, "No heading: no row came from standard input.\n")
 
 
 def test_a_full_disk_is_shown_and_the_heading_goes_on(tmp_path, monkeypatch):

@@ -152,6 +152,9 @@ def test_a_serial_port_that_may_not_be_opened_is_an_error(tmp_path, monkeypatch)
     ("text", "message"),
     [
         ("nothing.csv", "No such file"),
+        ("", "is '', which names nothing; a file, -, tcp:HOST:PORT"),
+        (" ", "names nothing"),
+        (".", "is a folder; one file is expected"),
         ("tcp:4001", "no host and port"),
         ("tcp:here:0", "no host and port"),
         ("udp:99999", "no host and port"),
@@ -184,6 +187,16 @@ def test_a_file_is_replayed_to_the_last_line_at_its_speed(tmp_path):
 def test_files_that_cannot_be_replayed(tmp_path, text, message):
     (tmp_path / "rec.csv").write_text(text)
     with pytest.raises(InputError, match=message):
+        Replay(tmp_path / "rec.csv", ReadOptions(), speed=1)
+
+
+@pytest.mark.parametrize("comment", ["axes: fud", "rate_hz: fast", "start_time_utc: yesterday"])
+def test_a_bad_comment_of_a_replay_is_named_by_its_row(tmp_path, comment):
+    lines = HEAD.splitlines(keepends=True)
+    key = comment.partition(":")[0]
+    lines = [line for line in lines if not line.startswith(f"# {key}:")]
+    (tmp_path / "rec.csv").write_text("".join([*lines[:2], "\n", f"# {comment}\n", *lines[2:], *ROWS]))
+    with pytest.raises(InputError, match=f"Row 4 of rec.csv: {key} is "):
         Replay(tmp_path / "rec.csv", ReadOptions(), speed=1)
 
 

@@ -205,11 +205,30 @@ class TestTerminal:
         terminal.print_folder(
             [Outcome("a.csv", VALID), Outcome("b.csv", REFUSED), Outcome("c.csv", message="Bad.")], stream
         )
-        header, a, b, c = stream.getvalue().splitlines()
+        header, a, b, c, note = stream.getvalue().splitlines()
         assert header.split()[0] == "file"
         assert a.split() == ["a.csv", "40.31", "4.58", "31.30", "to", "49.30", "valid"]
         assert b.endswith("refused (rate_norm)")
-        assert c.endswith("error: Bad.")
+        assert c.split() == ["c.csv", "error", "[1]"]
+        assert note == "[1] error: Bad."
+
+    @pytest.mark.parametrize("terminal_width", [None, 100])
+    def test_folder_table_shows_warnings_once(self, terminal_width, monkeypatch):
+        stream = io.StringIO()
+        if terminal_width:
+            monkeypatch.setattr(stream, "isatty", lambda: True)
+            monkeypatch.setenv("COLUMNS", str(terminal_width))
+            monkeypatch.setenv("NO_COLOR", "1")
+        codes = ("bias_unknown", "swaying", "gaps_bridged")
+        warned = replace(VALID, warnings=tuple(Finding(code, "long") for code in codes))
+        swayed = replace(REFUSED, warnings=(Finding("swaying", ""), Finding("swaying", "")))
+        name = "name_of_a_recording.csv"
+        terminal.print_folder([Outcome(name, warned), Outcome("b.csv", swayed)], stream)
+        text = stream.getvalue()
+        assert re.search(rf"{name} .* valid \[1 2 3\] *\n", text)
+        assert re.search(r"b.csv .* refused \(rate_norm\)\s+\[2\] *\n", text)
+        assert text.endswith("[1] warning: bias_unknown\n[2] warning: swaying\n[3] warning: gaps_bridged\n")
+        assert max(map(len, re.sub("\x1b\\[[0-9;]*m", "", text).splitlines())) <= 100
 
 
 class TestFigures:

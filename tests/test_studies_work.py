@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 from study_units import dying_once, failing, logged, slow, square, total
+from typer.testing import CliRunner
 
+from gyronorth.cli import app
 from gyronorth.recording import InputError
+from gyronorth.report.writing import no_empty_folder
 from gyronorth.studies.benchmark import run_benchmark, studies_of
 from gyronorth.studies.study import Plan
 from gyronorth.studies.work import Unit, data_sha256, executor_on, run_units
@@ -77,6 +80,36 @@ def test_unknown_benchmarks_and_studies_are_refused():
         studies_of("paper", ("table_9",))
     with pytest.raises(InputError, match="splits is 0"):
         Plan(splits=0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nothing",), "no benchmark 'nothing'"),
+        (("published", "--study", "table_9"), "no study 'table_9'"),
+        (("published", "--data", "nowhere"), "nowhere holds no files"),
+        (("published", "--scheduler", "tcp://127.0.0.1:9"), "Dask"),
+    ],
+)
+def test_a_refused_benchmark_leaves_no_folder(tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["benchmark", *arguments, "-o", "new/er/out"])
+    assert result.exit_code == 2
+    assert message in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_was_there_or_is_filled_stays(tmp_path):
+    def refused(folder: Path, *, filled: bool) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        if filled:
+            (folder / "unit.json").write_text("{}")
+        raise InputError("Refused.")
+
+    for folder, filled in ((tmp_path, False), (tmp_path / "a" / "b", True)):
+        with pytest.raises(InputError), no_empty_folder(folder):
+            refused(folder, filled=filled)
+    assert (tmp_path / "a" / "b" / "unit.json").is_file()
 
 
 def test_a_scheduler_that_is_not_there_is_refused():

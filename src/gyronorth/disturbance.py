@@ -21,15 +21,12 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import earth_rate_n
+from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.levelling import mat_bn
 
 Array = NDArray[np.float64]
 
 DEG = np.pi / 180
-#: Kinds that `simulate --disturbance` offers.
-KINDS = ("quiet", "sway", "shock", "warmup", "tilt", "mixed")
-#: Kinds kept out of training and of every prior: they test what nobody has modelled.
-HELD_OUT = ("square", "ramp", "beat")
 
 #: The distribution of each parameter, in words, for the documentation and the model card.
 DISTRIBUTIONS = {

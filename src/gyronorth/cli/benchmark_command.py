@@ -35,7 +35,8 @@ def benchmark(
     An interrupted run is continued; a unit that is finished is not run again.
     """
     from gyronorth.report.study_figures import write_study_figures
-    from gyronorth.studies.benchmark import run_benchmark
+    from gyronorth.report.writing import no_empty_folder
+    from gyronorth.studies.benchmark import run_benchmark, studies_of
     from gyronorth.studies.study import Plan
 
     values: dict[str, Any] = {
@@ -47,7 +48,9 @@ def benchmark(
     }
     values["data"] = None if data is None else str(data)
     plan = Plan(**{field.name: values[field.name] for field in fields(Plan) if values[field.name] is not None})
-    with units_done() as progress:
+    studies_of(name, tuple(study or ()))
+    plan.source()  # both refuse before any work
+    with no_empty_folder(output), units_done() as progress:
         written = run_benchmark(
             name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress
         )

@@ -32,13 +32,20 @@ def calibrate(
     applies it there.
     """
     from gyronorth import calibration, readers
+    from gyronorth.deviation import FEWEST
     from gyronorth.recording import InputError
     from gyronorth.report.calibrations import print_calibration
 
     check_outputs({"-o": (output, (".json",))})
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give one with recordings at known headings.")
-    recordings = [readers.read(path, reading) for path in files_done(readers.recordings_in(folder))]
+    try:
+        paths = readers.recordings_in(folder)
+    except InputError as error:
+        raise InputError(
+            f"{error} A deviation curve is fitted to at least {FEWEST + 1} recordings at known headings."
+        ) from None
+    recordings = [readers.read(path, reading) for path in files_done(paths)]
     with working("fitting the deviation curve"):
         found = calibration.calibrate(recordings, latitude=reading.latitude)
     replace(found.model, boresight=reading.boresight).write(output)

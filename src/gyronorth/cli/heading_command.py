@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 #: Fewest samples of which an Allan deviation is drawn.
 SHORTEST_ALLAN = 100
 
+#: Why a known bias and a deviation curve do not go together.
+TWICE = "the curve was measured with that bias in it and would correct it twice."
 #: Exit codes.
 VALID, BAD_INPUT, REFUSED = 0, 2, 3
 
@@ -159,6 +161,8 @@ def heading(
             raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
     attitude = None if roll is None else (roll, pitch)
     curve = _deviation_model(deviation, reading, any_session=any_session, biased=gyro_bias is not None)
+    if gyro_bias is not None and method is Method.learned and model is not None:
+        _check_bias(model)
     if curve is not None and method is Method.auto:
         method = Method.mean  # what a deviation curve corrects
     request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude, model, turn_angles, curve)
@@ -279,10 +283,7 @@ def _deviation_model(
             )
         return None
     if biased:
-        raise InputError(
-            "--gyro-bias and --deviation were both given: the curve was measured with that bias in it and would "
-            "correct it twice. Give one of them."
-        )
+        raise InputError(f"--gyro-bias and --deviation were both given: {TWICE} Give one of them.")
     from gyronorth.deviation import ANY_SESSION, read_deviation
 
     curve = read_deviation(path)
@@ -298,6 +299,18 @@ def _deviation_model(
             f"the headings of that mounting. Give --boresight {theirs} here too, or calibrate anew."
         )
     return replace(curve, session=ANY_SESSION) if any_session else curve
+
+
+def _check_bias(model: Path) -> None:
+    """Refuse a known bias where a bundle brings a deviation curve."""
+    from gyronorth.alignment.bundle import read_bundle
+    from gyronorth.recording import InputError
+
+    if read_bundle(model).deviation is not None:
+        raise InputError(
+            f"--gyro-bias was given, and --model {model} carries a deviation curve: {TWICE} Leave --gyro-bias out, or "
+            "give it with --method mean and no bundle."
+        )
 
 
 def _deviation(recording: Recording, estimate: HeadingEstimate) -> AllanDeviation | None:

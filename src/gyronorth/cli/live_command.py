@@ -24,6 +24,7 @@ from gyronorth.cli.options import (
 if TYPE_CHECKING:
     from gyronorth.live.nmea_out import NmeaOut
     from gyronorth.live.session import Session
+    from gyronorth.live.status import Status
     from gyronorth.readers import ReadOptions
 
 #: Options of reading that a line of a stream needs.
@@ -228,6 +229,7 @@ def _print(session: Session) -> None:
 def _end(session: Session, *, as_json: bool) -> int:
     """The last word: the heading as `gyronorth heading` prints it."""
     from gyronorth.cli.heading_command import REFUSED, VALID
+    from gyronorth.recording import InputError
     from gyronorth.report.tables import Outcome
     from gyronorth.report.terminal import print_heading
 
@@ -237,12 +239,47 @@ def _end(session: Session, *, as_json: bool) -> int:
     estimate = status.estimate
     if as_json:
         _print(session)
-    elif estimate is None:
-        print(f"No heading: {status.counters.good} good rows came from {status.source}.")
-    else:
+    elif estimate is None and not _misunderstood(status):
+        print(f"No heading: {_what_came(status)}")
+    elif estimate is not None:
         print_heading(Outcome(status.source, estimate, heading_true=status.heading_true), sys.stdout)
     if status.recording_error is not None:
         print(f"warning: the recording is incomplete. {status.recording_error}", file=sys.stderr)
     elif status.recording is not None:
         print(f"recording: {status.recording}", file=sys.stderr)
+    elif status.saving:
+        print("recording: no file was made, as no good row came.", file=sys.stderr)
+    if _misunderstood(status):
+        raise InputError(f"No heading: {_what_came(status)}")
     return VALID if estimate is not None and estimate.valid else REFUSED
+
+
+def _rejected(status: Status) -> int:
+    count = status.counters
+    return count.garbage + count.implausible + count.strays
+
+
+def _misunderstood(status: Status) -> bool:
+    """Whether lines came and each was rejected: the source, or what was declared of it, is wrong."""
+    return status.counters.good == 0 and 0 < status.counters.lines <= _rejected(status)
+
+
+def _what_came(status: Status) -> str:
+    """Why there is no heading, by the lines that came: how many, how many were rejected, and one of those."""
+    count, source = status.counters, status.source
+    if count.lines == 0:
+        return f"no row came from {source}."
+    why = [f"{count.garbage} could not be read, the last of them {status.last_garbage!r}"] if count.garbage else []
+    why += [f"{count.implausible} hold values that no sensor gives"] if count.implausible else []
+    why += [f"{count.strays} have time stamps that fit nowhere"] if count.strays else []
+    rejected = f"{_rejected(status)} rejected" + (f": {', '.join(why)}" if why else "")
+    text = f"of {count.lines} lines from {source} {count.good} were good rows and {rejected}."
+    if not _misunderstood(status):
+        return text
+    if count.implausible:
+        return f"{text} Check --gyro-unit and --accel-unit."
+    return (
+        f"{text} Rows of numbers with commas between them are expected, below a header such as t,w_x,w_y,w_z,f_x,f_y,"
+        "f_z, or without one of 3, 4, 6 or 7 numbers; --columns declares others. Most likely this is not the output "
+        "of the sensor, or comes at another baud rate or in binary form."
+    )

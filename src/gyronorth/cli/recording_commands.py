@@ -24,6 +24,7 @@ from gyronorth.cli.options import (
     with_reading,
 )
 from gyronorth.cli.progress import reading_file, working
+from gyronorth.kinds import HELD_OUT, KINDS
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -86,7 +87,8 @@ def simulate(
         ),
     ] = None,
     disturbance: Annotated[
-        str, typer.Option(metavar="KIND", help="quiet, sway, shock, warmup, tilt or mixed.")
+        str,
+        typer.Option(metavar="KIND", help=f"{', '.join(KINDS)}; not known to any method: {', '.join(HELD_OUT)}."),
     ] = "quiet",
     no_accel: Annotated[bool, typer.Option("--no-accel", help="Leave the accelerometer out.")] = False,
 ) -> None:

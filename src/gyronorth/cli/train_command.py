@@ -53,6 +53,6 @@ def train(
     bundle = run_training(settings, stage.value, own, output, resume, True)
     typer.echo(f"{output}: {bundle.method}, {bundle.layout}")
     if own is not None and own.swing is None:
-        typer.echo("no correction of the closed form: the recordings are not all of one session and one known latitude")
+        typer.echo(f"no correction of the closed form: {own.no_swing}")
     for name, value in bundle.metrics.items():
         typer.echo(f"{name:<36}{'' if value is None else f'{value:.4g}'}")

@@ -95,6 +95,7 @@ class TrainingData:
     session: str | None = None  # power-up session(s)
     test: HeadingSet | None = None  # its error is recorded and decides nothing
     swing: Swing | None = None  # of the training and validation recordings, when one set's deviation can be learned
+    no_swing: str = ""  # why it cannot, for the user and the model card
 
 
 def synthetic_set(*, headings: int = 720, latitude: float = 0.0, samples: int = 300) -> HeadingSet:
@@ -194,7 +195,10 @@ def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | N
     train, validation, test = split_recordings(data, (24, 4, 6), rng=rng)
     latitude = _common(latitudes)
     swing, known = None, np.unique(np.concatenate([train.recording, validation.recording]))
-    if latitude is not None and len(set(sessions)) == 1 and len(known) >= FEWEST:
+    why = _no_swing(latitudes, latitude, sessions)
+    if len(known) < FEWEST:
+        why.append(f"{len(known)} recordings train and validate; at least {FEWEST} are needed")
+    if not why:
         heading, surplus, truth, duration = np.array(seen)[known].T
         swing = Swing(heading, surplus, truth, float(np.median(duration)))
     return TrainingData(
@@ -205,7 +209,21 @@ def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | N
         latitude=latitude,
         session=_session(sessions),
         swing=swing,
+        no_swing="; ".join(why),
     )
+
+
+def _no_swing(latitudes: list[float | None], common: float | None, sessions: list[str | None]) -> list[str]:
+    """Why recordings are no one set, whose deviation could be learned."""
+    why, known = [], [latitude for latitude in latitudes if latitude is not None]
+    if common is None and len(known) < len(latitudes):
+        why.append(f"{len(latitudes) - len(known)} of {len(latitudes)} recordings state no latitude")
+    elif common is None:
+        low, high = np.degrees([min(known), max(known)])
+        why.append(f"the recordings are of latitudes from {low:.2f} to {high:.2f} deg")
+    if len(set(sessions)) > 1:
+        why.append(f"the recordings are of {len(set(sessions))} sessions")
+    return why
 
 
 def _session(sessions: list[str | None]) -> str | None:

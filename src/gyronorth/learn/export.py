@@ -7,6 +7,7 @@ import shutil
 import warnings
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import torch
@@ -47,14 +48,8 @@ def export_bundle(
     if trained is None:
         raise ValueError("export_bundle needs a trained denoiser, a heading network, or both.")
     settings = trained.settings
-    if settings.layout == "across_batch":
-        raise InputError(
-            "The layout across_batch cannot be exported: its heading of one recording depends on the others beside it. "
-            "Train with layout: flattened or temporal."
-        )
     folder = Path(folder)
-    if folder.exists() and not (folder / "bundle.json").is_file() and any(folder.iterdir()):
-        raise InputError(f"{folder} is not empty and not a bundle; give a new folder for -o.")
+    layout = check_export(folder, settings)
     part = folder.with_name(folder.name + ".part")
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
@@ -78,7 +73,7 @@ def export_bundle(
         deviation_part = DeviationPart(sha256=checksum(part / "deviation.json"))
     bundle = Bundle(
         method="denoiser" if heading is None else "paper" if denoiser is not None else "baseline",
-        layout=settings.layout,
+        layout=layout,
         domain=_domain(settings, data),
         denoiser=denoiser_part,
         heading=heading_part,
@@ -90,6 +85,7 @@ def export_bundle(
             "gyronorth": _version("gyronorth"),
             "torch": torch.__version__,
             "data": data.source if data else "synthetic",
+            **({"no_deviation": data.no_swing} if data and data.no_swing else {}),
         },
     )
     (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
@@ -97,6 +93,26 @@ def export_bundle(
     shutil.rmtree(folder, ignore_errors=True)
     os.replace(part, folder)
     return bundle
+
+
+def check_export(folder: Path, settings: Settings) -> Literal["temporal", "flattened"]:
+    """The layout of the bundle; refuses, before any training, one that could not be written in the end.
+
+    Raises
+    ------
+    InputError
+        For the across_batch layout, or if `folder` is there and is not a bundle.
+    """
+    if settings.layout == "across_batch":
+        raise InputError(
+            "The layout across_batch cannot be exported: its heading of one recording depends on the others beside it. "
+            "Train with layout: flattened or temporal."
+        )
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; give a new folder for -o.")
+    if folder.exists() and not (folder / "bundle.json").is_file() and any(folder.iterdir()):
+        raise InputError(f"{folder} is not empty and not a bundle; give a new folder for -o.")
+    return settings.layout
 
 
 def _export(network: nn.Module, inputs: dict[str, torch.Tensor], output: str, path: Path) -> None:
@@ -211,6 +227,11 @@ def model_card(bundle: Bundle) -> str:
         lines.append(
             "- `heading --method learned --model` with this bundle corrects the closed form by the deviation of the "
             "training and validation recordings (`deviation.json`), in their session only."
+        )
+    elif "no_deviation" in bundle.provenance:
+        lines.append(
+            f"- No deviation curve (`deviation.json`), so no `heading --method learned`: "
+            f"{bundle.provenance['no_deviation']}."
         )
     if domain.unit or domain.session:
         lines.append(

@@ -7,9 +7,9 @@ from typing import Literal
 
 from gyronorth.alignment.bundle import Bundle
 from gyronorth.learn.data import TrainingData
-from gyronorth.learn.export import export_bundle
+from gyronorth.learn.export import check_export, export_bundle
 from gyronorth.learn.settings import Settings, read_settings, write_settings
-from gyronorth.learn.stages import Run, train_denoiser, train_heading
+from gyronorth.learn.stages import Run, denoiser_data, train_denoiser, train_heading
 from gyronorth.learn.training import write_atomically
 from gyronorth.recording import InputError
 
@@ -32,19 +32,26 @@ def run_training(
     Raises
     ------
     InputError
-        If there is an earlier training that `resume` does not name, or one with other settings or data.
+        If there is an earlier training that `resume` does not name, or one with other settings or data, or if the
+        bundle could not be written in the end. Then nothing is left behind.
     """
     out = Path(out)
     if stage != "denoiser" and data is None:
         raise InputError(f"Training the stage {stage} needs recordings with reference headings: give --data FOLDER.")
+    check_export(out, settings)
     denoised = settings.heading.denoised or stage == "denoiser"
-    run = Run(folder=_training_folder(out, settings, stage, resume), bar=progress)
-    assert run.folder is not None
-    if stage == "regressor" and denoised and not (run.folder / "denoiser.pt").is_file():
+    folder = out.with_name(out.name + ".training")
+    _check_folder(folder, settings, stage, resume)
+    if stage == "regressor" and denoised and not (folder / "denoiser.pt").is_file():
         raise InputError(
-            f"{run.folder} holds no trained denoiser. Train it first with `train denoiser` and the same -o, "
+            f"{folder} holds no trained denoiser. Train it first with `train denoiser` and the same -o, "
             "or both with `train all`."
         )
+    if denoised:
+        denoiser_data(settings)  # refuses too few headings
+    folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(folder / "settings.yaml", lambda beside: write_settings(settings, beside))
+    run = Run(folder=folder, bar=progress)
     # A finished stage only reads its checkpoint.
     denoiser = train_denoiser(settings, run=run) if denoised else None
     if stage == "denoiser" or data is None:
@@ -53,8 +60,8 @@ def run_training(
     return export_bundle(out, denoiser=denoiser, heading=heading, data=data)
 
 
-def _training_folder(out: Path, settings: Settings, stage: str, resume: bool) -> Path:
-    folder = out.with_name(out.name + ".training")
+def _check_folder(folder: Path, settings: Settings, stage: str, resume: bool) -> None:
+    """Refuse a folder of checkpoints that is not to be continued, or not with these settings."""
     kept = folder / "settings.yaml"
     blocking = {"denoiser": ["denoiser.pt"], "regressor": ["heading.pt"], "all": ["denoiser.pt", "heading.pt"]}[stage]
     if not resume and any((folder / name).exists() for name in blocking):
@@ -63,6 +70,3 @@ def _training_folder(out: Path, settings: Settings, stage: str, resume: bool) ->
         )
     if kept.is_file() and read_settings(kept) != settings:
         raise InputError(f"{kept} differs from the settings given. Continue with the same ones, or give another -o.")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(kept, lambda beside: write_settings(settings, beside))
-    return folder

@@ -84,13 +84,14 @@ class LineReader:
 
     def __init__(self, name: str, options: ReadOptions) -> None:
         self.form: Form | None = None
-        self.stated: dict[str, tuple[str, int]] = {}  # comment lines: key -> (value, number of the line)
+        self.stated: dict[str, tuple[str, int]] = {}  # comment lines: key -> (value, its row in the stream)
         self.statements = 0  # how often one of them said something new
         self.lines = 0  # lines that should have been rows, good and bad
         self.garbage = 0  # of these, bad
         self.last_garbage = ""  # the last bad one, shortened
         self._name, self._options = name, options
         self._rest = b""
+        self._row = 0  # of the line that is read, from 1; blank lines and comments count
         self._unsure: bytes | None = None  # a row before the form is known
         self._heard: dict[str, tuple[str, int]] = {}  # comments since the last row
 
@@ -117,15 +118,18 @@ class LineReader:
         """The connection broke: what is left of a line is no line."""
         if self._rest.strip():
             self._bad(self._rest)
+            self._row += 1
         self._rest = b""
 
     def _batches(self, data: bytes) -> list[Batch]:
         batches: list[Batch] = []
         if self.form is not None and self._regular(data, self.form):
             self._heard.clear()
+            self._row += data.count(b"\n")
             return self._parsed(data.split(b"\n")[:-1], self.form)
         pending: list[bytes] = []
         for line, numeric in zip(data.split(b"\n")[:-1], numeric_lines(data), strict=True):
+            self._row += 1
             if numeric:
                 if self.form is None:
                     pending += self._first_rows(line)
@@ -177,7 +181,7 @@ class LineReader:
         if text.startswith("#") and text.replace("\t", " ").isprintable():
             match = COMMENT.match(text)
             if match is not None and len(self._heard) < MOST_KEYS:
-                self._heard[match[1]] = (match[2], self.lines + 1)
+                self._heard[match[1]] = (match[2], self._row)
             return
         if not text:
             return

@@ -37,6 +37,8 @@ class Replay:
         self.name = str(path)
         self._path, self._speed = path, speed
         reader = LineReader(path.name, options)
+        if path.is_dir():
+            raise InputError(f"SOURCE {path} is a folder; one file is expected: a replay plays one recording.")
         try:
             with path.open("rb") as file:
                 head = b"".join(file.readline(CHUNK) for _ in range(HEAD_LINES))

@@ -58,7 +58,8 @@ def _application(session: Session) -> FastAPI:
     def recording() -> Response:
         path = session.status.recording
         if path is None or not path.is_file():
-            return PlainTextResponse("There is no recording: start with --save FILE.csv.", status_code=404)
+            why = "no good row has come yet" if session.status.saving else "start with --save FILE.csv"
+            return PlainTextResponse(f"There is no recording: {why}.", status_code=404)
         return FileResponse(path, filename=path.name, media_type="text/csv")
 
     @app.get(page.REPORT_URL)

@@ -66,7 +66,7 @@ class Session:
     """Runs a source in threads; `status` is always the latest picture."""
 
     def __init__(self, source: Source, settings: Settings) -> None:
-        self.status = Status("waiting", source.name, recording=settings.save)
+        self.status = Status("waiting", source.name, saving=settings.save is not None)
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
         self.error: Exception | None = None  # why the session failed
         self._source, self.settings = source, settings
@@ -426,7 +426,8 @@ class Session:
             findings=tuple(findings),
             marks=tuple(self._marks),
             message=self._message,
-            recording=None if recorder is None else recorder.path,
+            saving=recorder is not None,
+            recording=recorder.path if recorder is not None and recorder.files else None,
             recording_bytes=0 if recorder is None else recorder.bytes,
             recording_error=None if recorder is None else recorder.error,
             heading_true=stretch.declared.heading_true if stretch else None,

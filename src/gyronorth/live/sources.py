@@ -30,6 +30,8 @@ CHUNK = 1 << 16
 DATAGRAM_ROOM = 4 << 20
 #: A sender of datagrams that was silent for so long, s, may be followed by another.
 SENDER_SILENCE = 5.0
+#: What a source may be, for messages.
+KINDS = "a file, -, tcp:HOST:PORT, udp:[HOST:]PORT or serial:DEVICE[:BAUD]"
 #: Baud rate of a serial port where none is given.
 BAUD = 115200
 
@@ -91,6 +93,10 @@ def open_source(text: str, options: ReadOptions, *, speed: float) -> Source:
         If it is none of these, or the file cannot be read.
     """
     kind, _, place = text.partition(":")
+    if not text.strip():
+        raise InputError(
+            f"SOURCE is {text!r}, which names nothing; {KINDS} is expected. Was a variable of a script left unset?"
+        )
     if text == "-":
         return StandardInput()
     if kind == "tcp":
@@ -103,10 +109,7 @@ def open_source(text: str, options: ReadOptions, *, speed: float) -> Source:
             raise InputError(f"SOURCE {text!r} names no device; example: serial:/dev/ttyUSB0:115200.")
         return SerialPort(text, match[1], int(match[2] or BAUD))
     if not Path(text).exists() and re.match(r"[a-z]{2,}:", text):
-        raise InputError(
-            f"SOURCE {text!r} is no file and of no known kind; a file, -, tcp:HOST:PORT, udp:[HOST:]PORT or "
-            "serial:DEVICE[:BAUD] is expected."
-        )
+        raise InputError(f"SOURCE {text!r} is no file and of no known kind; {KINDS} is expected.")
     from gyronorth.live.replay import Replay
 
     return Replay(Path(text), options, speed=speed)

@@ -57,7 +57,8 @@ class Status:
     findings: tuple[Finding, ...] = ()  # reasons beside those of the estimate
     marks: tuple[Mark, ...] = ()
     message: str = ""  # what last happened, for people
-    recording: Path | None = None
+    saving: bool = False  # whether a recording was asked for
+    recording: Path | None = None  # the latest file; None until the first is made, with the first rows
     recording_bytes: int = 0
     recording_error: str | None = None
     heading_true: float | None = field(default=None)  # rad, when the stream states it

@@ -137,6 +137,8 @@ def _validity(status: Status) -> tuple[str, str, str, list[str]]:
 def _recording(status: Status) -> tuple[str, str, str, list[str]]:
     if status.recording_error is not None:
         return "Recording", "bad", "failed", [status.recording_error]
+    if status.recording is None and status.saving:
+        return "Recording", "off", status.state, ["The file is made with the first good row; none has come yet."]
     if status.recording is None:
         return "Recording", "care", "off", ["Start with --save FILE.csv to keep the samples."]
     size = f"{status.recording_bytes / 1e6:.1f} MB"

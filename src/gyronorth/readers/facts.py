@@ -9,7 +9,7 @@ from decimal import Decimal, localcontext
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
 from gyronorth.readers.source import Facts
-from gyronorth.recording import Gap, InputError
+from gyronorth.recording import Gap, InputError, shift_utc
 
 #: Key and value that say that `write` made the file: units, axes and rate are SI and stated.
 SIGNATURE = ("format", "gyronorth.recording/1")
@@ -51,9 +51,16 @@ def read_facts(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[F
             raise InputError(f"{where(key)}: {key} is {text[:60]!r}; one of {', '.join(choices)} is expected.")
         return text
 
-    axes = texts.get("axes")
-    if axes is not None:
-        mat_bf(axes)
+    def understood(key: str, take: Callable[[str], object]) -> str | None:
+        text = texts.get(key)
+        try:
+            if text is not None:
+                take(text)
+        except InputError as error:
+            raise InputError(f"{where(key)}: {error}") from None
+        return text
+
+    axes, start = understood("axes", mat_bf), understood("start_time_utc", lambda text: shift_utc(text, 0.0))
     latitude_deg, heading_deg = value("latitude_deg", -90, 90), value("heading_true_deg", -360, 360)
     rate_hz, samples, dropped = value("rate_hz", 1e-3, 1e6), value("samples", 1, 1e12), value("rows_dropped", 0, 1e12)
     facts = Facts(
@@ -64,7 +71,7 @@ def read_facts(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[F
         latitude=None if latitude_deg is None else _radians(latitude_deg),
         heading_true=None if heading_deg is None else _radians(heading_deg),
         session=texts.get("session"),
-        start_time_utc=texts.get("start_time_utc"),
+        start_time_utc=start,
         samples=None if samples is None else int(float(samples)),
         rows_dropped=int(float(dropped or 0)),
         gaps=gaps(),

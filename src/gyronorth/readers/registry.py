@@ -122,8 +122,10 @@ def recordings_in(folder: str | Path) -> list[Path]:
         if known or (path.suffix.lower() == ".txt" and _head(path).startswith(b"//")):
             found.append(path)
     if not found:
+        state = "holds no recordings" if any(folder.iterdir()) else "is empty and holds no recordings"
         raise InputError(
-            f"{folder} holds no recordings (files in {', '.join(SUFFIXES)}, MT Manager .txt, bags of ROS 2)."
+            f"{folder} {state}: files in {', '.join(SUFFIXES)}, MT Manager .txt or bags of ROS 2 are expected in it or "
+            "in the folders below it (hidden ones do not count). Check the path, or `gyronorth convert` yours first."
         )
     return sorted(found, key=_natural)
 

@@ -68,7 +68,7 @@ def print_characterisation(found: Characterisation, stream: TextIO) -> None:
             for key, (name, unit) in TERMS.items()
             if key in triad
         ]
-        print_table((what, "unit", "body x", "body y", "body z", "all three"), rows, stream, unwrapped=0)
+        print_table((what, "unit", "body x", "body y", "body z", "all three"), rows, stream, unwrapped=())
         stream.write("\n")
     stream.write("In brackets the 95 % interval (--json has those of each axis); < is an upper bound where the\n")
     stream.write("recording cannot tell the term from zero, ? where the curve does not follow the model.\n")

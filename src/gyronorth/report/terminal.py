@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Sequence
 from typing import TextIO
 
 from gyronorth.report.tables import Outcome
@@ -41,11 +41,11 @@ def print_lines(lines: Sequence[tuple[str, str]], stream: TextIO) -> None:
 
 
 def print_table(
-    header: Sequence[str], rows: Sequence[Sequence[str]], stream: TextIO, *, unwrapped: int | None = None
+    header: Sequence[str], rows: Sequence[Sequence[str]], stream: TextIO, *, unwrapped: Container[int] | None = None
 ) -> None:
     """Print rows of text as columns: ruled on a terminal, else aligned plain text.
 
-    On a terminal the first `unwrapped` columns (all but the last by default) keep to one line.
+    On a terminal the columns at the positions `unwrapped` (all but the last by default) keep to one line.
     """
     if stream.isatty():
         from rich.box import SIMPLE_HEAD
@@ -54,9 +54,9 @@ def print_table(
         from rich.text import Text
 
         table = Table(box=SIMPLE_HEAD, pad_edge=False)
-        kept = len(header) - 1 if unwrapped is None else unwrapped
+        kept = range(len(header) - 1) if unwrapped is None else unwrapped
         for position, name in enumerate(header):
-            table.add_column(name, no_wrap=position < kept, overflow="fold")
+            table.add_column(name, no_wrap=position in kept, overflow="fold")
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         Console(file=stream).print(table)
@@ -68,22 +68,32 @@ def print_table(
 
 
 def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
-    """Print one row per file: heading, sigma, interval, and the verdict or the error."""
+    """Print one row per file: heading, sigma, interval and verdict; warnings and errors as numbered notes below."""
+    notes: dict[str, int] = {}
+
+    def numbers(texts: Iterable[str]) -> str:
+        """The numbers of notes behind a verdict, new ones where they are needed."""
+        found = sorted({notes.setdefault(text, len(notes) + 1) for text in texts})
+        return f" [{' '.join(map(str, found))}]" if found else ""
+
     rows = []
     for outcome in outcomes:
         if outcome.estimate is None:
-            rows.append((outcome.file, "", "", "", f"error: {outcome.message}"))
+            rows.append((outcome.file, "", "", "", "error" + numbers([f"error: {outcome.message}"])))
             continue
         doc = outcome.document()
         low, high = doc["interval95_deg"]
         codes = ", ".join(finding["code"] for finding in doc["reasons"])
+        verdict = "valid" if doc["valid"] else f"refused ({codes})"
         rows.append(
             (
                 outcome.file,
                 "" if doc["heading_deg"] is None else heading_text(doc["heading_deg"]),
                 number_text(doc["sigma_deg"]),
                 f"{heading_text(low)} to {heading_text(high, full_turn=True)}",
-                "valid" if doc["valid"] else f"refused ({codes})",
+                verdict + numbers(f"warning: {finding['code']}" for finding in doc["warnings"]),
             )
         )
-    print_table(("file", "heading/deg", "sigma/deg", "95 % interval/deg", "verdict"), rows, stream)
+    header = ("file", "heading/deg", "sigma/deg", "95 % interval/deg", "verdict")
+    print_table(header, rows, stream, unwrapped=(1, 2, 3))
+    stream.writelines(f"[{number}] {note}\n" for note, number in notes.items())

@@ -1,10 +1,10 @@
-"""Output files appear whole or not at all: written beside their place, then renamed into it."""
+"""Outputs appear whole or not at all: written beside their place, then renamed into it; no empty folder is left."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -25,3 +25,16 @@ def written_beside(path: Path) -> Iterator[Path]:
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def no_empty_folder(folder: Path) -> Iterator[None]:
+    """If the block fails and `folder` was made within it and is still empty, it goes, with its parents made for it."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):  # the first that holds something, or was not made, ends it
+            for path in missing:
+                path.rmdir()
+        raise

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.disturbance import HELD_OUT, KINDS, drawn
+from gyronorth.disturbance import drawn
 from gyronorth.earth import EARTH_RATE, normal_gravity
+from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.levelling import mat_lb
 from gyronorth.recording import InputError
 

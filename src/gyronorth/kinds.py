@@ -1,0 +1,8 @@
+"""The disturbances by name: what `simulate --disturbance` takes. Imports nothing, so that --help can list them."""
+
+from __future__ import annotations
+
+#: Kinds that training and priors know.
+KINDS = ("quiet", "sway", "shock", "warmup", "tilt", "mixed")
+#: Kinds kept out of training and of every prior: they test what nobody has modelled.
+HELD_OUT = ("square", "ramp", "beat")
