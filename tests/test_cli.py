@@ -276,6 +276,7 @@ class TestFolder:
         (("--nonsense",), ("--nonsense",)),
         (("--any-session",), ("--any-session", "deviation.json")),
         (("--deviation", "curve.json", "--gyro-bias", "1,0,0"), ("--gyro-bias", "twice")),
+        (("--deviation", "curve.json", "--method", "turned"), ("closed form", "turned", "--method mean")),
     ],
 )
 def test_bad_usage_is_one_message(rec, tmp_path, monkeypatch, arguments, words):
@@ -305,6 +306,12 @@ def test_a_deviation_curve_knows_the_boresight_it_was_measured_with(tmp_path):
     assert run(*corrected).exit_code == 2
     _, found = run_json(*corrected, "--boresight", "0,0,90")
     assert [warning["code"] for warning in found["warnings"]] == ["deviation_applied"]
+    # The same of a unit that is still running, in its session.
+    live = ("live", *corrected[1:], "--boresight", "0,0,90", "--no-page", "--speed", 100)
+    last = json.loads(run(*live).stdout.splitlines()[-1])
+    assert last["heading_deg"] == pytest.approx(found["heading_deg"], abs=1e-6)
+    assert [warning["code"] for warning in last["warnings"]] == ["deviation_applied"]
+    assert "with --boresight 0,0,90, but this is 0,0,0" in run("live", *corrected[1:], "--no-page").stderr
 
 
 def test_missing_latitude(rec, tmp_path):

@@ -210,22 +210,24 @@ def deviated(found: Found, data: Data, model: DeviationModel, *, session: str | 
     off = float(np.min(np.abs(angle_error(model.heading, found.solution.levelled.heading))))
     applied = in_set and off <= DEVIATION_SUPPORT
     if applied:
-        message = (
-            f"Corrected by a deviation curve of {len(model.heading)} recordings; it holds for that unit and session."
+        warning = Finding(
+            "deviation_applied",
+            f"Corrected by a deviation curve of {len(model.heading)} recordings; it holds for that unit and session.",
         )
     elif in_set:
-        message = (
+        warning = Finding(
+            "deviation_unused",
             f"The nearest heading of the deviation curve is {np.degrees(off):.0f} deg away; within "
-            f"{np.degrees(DEVIATION_SUPPORT):.0f} deg it is believed: not applied."
+            f"{np.degrees(DEVIATION_SUPPORT):.0f} deg it is believed: not applied.",
         )
     else:
-        message = (
+        warning = Finding(
+            "deviation_unused",
             f"The deviation curve was measured in session {_named(model.session)}, this recording is of "
             f"{_named(session)}: not applied. Where both are of one power-up session, say so: --deviation FILE "
-            "--any-session."
+            "--any-session.",
         )
     solution = with_deviation(found.solution, model, latitude=data.latitude, duration=data.duration, in_set=applied)
-    warning = Finding("deviation_applied" if applied else "deviation_unused", message)
     return replace(found, solution=solution, warnings=(*found.warnings, warning))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.cli.app import app
+from gyronorth.cli.correction import AnySession, Deviation, GyroBias, check_bias, curve_and_method
 from gyronorth.cli.options import (
     DEG_PER_HOUR,
     OUTPUT,
@@ -26,7 +27,6 @@ from gyronorth.cli.options import (
     angles,
     check_outputs,
     print_json,
-    triple,
     with_reading,
 )
 from gyronorth.cli.progress import files_done, reading_file, working
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 #: Fewest samples of which an Allan deviation is drawn.
 SHORTEST_ALLAN = 100
 
-#: Why a known bias and a deviation curve do not go together.
-TWICE = "the curve was measured with that bias in it and would correct it twice."
 #: Exit codes.
 VALID, BAD_INPUT, REFUSED = 0, 2, 3
 
@@ -102,15 +100,7 @@ def heading(
     nmea: Annotated[
         bool, typer.Option("--nmea", help="Print HEHDT and a status sentence and nothing else.", rich_help_panel=OUTPUT)
     ] = False,
-    gyro_bias: Annotated[
-        Any,
-        typer.Option(
-            metavar="X,Y,Z",
-            parser=triple("X,Y,Z in deg/h", "1.2,-0.4,0.3", scale=DEG_PER_HOUR),
-            help="Known gyro bias in body axes, deg/h; it is subtracted.",
-            rich_help_panel=SITE,
-        ),
-    ] = None,
+    gyro_bias: GyroBias = None,
     roll: Roll = None,
     pitch: Pitch = None,
     model: Annotated[
@@ -125,18 +115,8 @@ def heading(
             rich_help_panel=SITE,
         ),
     ] = None,
-    deviation: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PROFILE",
-            help="Deviation curve from `gyronorth calibrate`; applied in the session it was measured in.",
-            rich_help_panel=SITE,
-        ),
-    ] = None,
-    any_session: Annotated[
-        bool,
-        typer.Option("--any-session", help="Apply the deviation curve in any session.", rich_help_panel=SITE),
-    ] = False,
+    deviation: Deviation = None,
+    any_session: AnySession = False,
     *,
     reading: ReadOptions,
 ) -> int:
@@ -160,11 +140,10 @@ def heading(
         if single:
             raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
     attitude = None if roll is None else (roll, pitch)
-    curve = _deviation_model(deviation, reading, any_session=any_session, biased=gyro_bias is not None)
-    if gyro_bias is not None and method is Method.learned and model is not None:
-        _check_bias(model)
-    if curve is not None and method is Method.auto:
-        method = Method.mean  # what a deviation curve corrects
+    biased = gyro_bias is not None
+    curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
+    if biased and method is Method.learned and model is not None:
+        check_bias(model)
     request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude, model, turn_angles, curve)
     if folder:
         return _folder(source, request, as_json=as_json, csv=csv)
@@ -268,49 +247,6 @@ def _sensor(name_or_file: str | None) -> Sensor | None:
     from gyronorth.sensor import read_sensor
 
     return read_sensor(name_or_file)
-
-
-def _deviation_model(
-    path: Path | None, reading: ReadOptions, *, any_session: bool, biased: bool
-) -> DeviationModel | None:
-    from gyronorth.recording import InputError
-
-    if path is None:
-        if any_session:
-            raise InputError(
-                "--any-session belongs to --deviation, which is not given. For a bundle that carries a correction, "
-                "give --deviation BUNDLE/deviation.json --any-session."
-            )
-        return None
-    if biased:
-        raise InputError(f"--gyro-bias and --deviation were both given: {TWICE} Give one of them.")
-    from gyronorth.deviation import ANY_SESSION, read_deviation
-
-    curve = read_deviation(path)
-    if (
-        curve.boresight is not None
-        and max(abs(a - b) for a, b in zip(curve.boresight, reading.boresight, strict=True)) > 1e-6
-    ):
-        theirs, ours = (
-            ",".join(f"{degrees(angle):g}" for angle in each) for each in (curve.boresight, reading.boresight)
-        )
-        raise InputError(
-            f"{path.name} was measured with --boresight {theirs}, but this is {ours}: the curve holds for "
-            f"the headings of that mounting. Give --boresight {theirs} here too, or calibrate anew."
-        )
-    return replace(curve, session=ANY_SESSION) if any_session else curve
-
-
-def _check_bias(model: Path) -> None:
-    """Refuse a known bias where a bundle brings a deviation curve."""
-    from gyronorth.alignment.bundle import read_bundle
-    from gyronorth.recording import InputError
-
-    if read_bundle(model).deviation is not None:
-        raise InputError(
-            f"--gyro-bias was given, and --model {model} carries a deviation curve: {TWICE} Leave --gyro-bias out, or "
-            "give it with --method mean and no bundle."
-        )
 
 
 def _deviation(recording: Recording, estimate: HeadingEstimate) -> AllanDeviation | None:

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.cli.app import app
+from gyronorth.cli.correction import AnySession, Deviation, GyroBias, curve_and_method
 from gyronorth.cli.options import (
-    DEG_PER_HOUR,
     OUTPUT,
-    SITE,
     Method,
     SensorName,
     number,
-    triple,
     with_reading,
 )
 
@@ -46,15 +44,9 @@ def live(
     ],
     sensor: SensorName = None,
     method: Annotated[Method, typer.Option(help="auto takes the one whose own sigma is smallest.")] = Method.auto,
-    gyro_bias: Annotated[
-        Any,
-        typer.Option(
-            metavar="X,Y,Z",
-            parser=triple("X,Y,Z in deg/h", "1.2,-0.4,0.3", scale=DEG_PER_HOUR),
-            help="Known gyro bias in body axes, deg/h; it is subtracted.",
-            rich_help_panel=SITE,
-        ),
-    ] = None,
+    gyro_bias: GyroBias = None,
+    deviation: Deviation = None,
+    any_session: AnySession = False,
     speed: Annotated[
         Any,
         typer.Option(
@@ -139,7 +131,9 @@ def live(
             "The latitude is not known. Pass --latitude DEG (north positive); Earth rate cannot be read without it."
         )
     profile = None if sensor is None else read_sensor(sensor)
-    session = Session(opened, Settings(reading, profile, method.value, gyro_bias, save))
+    biased = gyro_bias is not None
+    curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
+    session = Session(opened, Settings(reading, profile, method.value, gyro_bias, curve, save))
     server = _page(session, host=host, port=int(port), token=token) if page else None
     out = None
     if nmea_out is not None:
