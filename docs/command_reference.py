@@ -22,7 +22,7 @@ INTRODUCTION = """# Command reference
 Made from the program itself when these pages are built; `gyronorth COMMAND --help` prints the same.
 
 Every command ends with exit code 0 when the work is done. It ends with 2 when something is wrong with the input or
-the options: one message on standard error, nothing half-written. `heading` has one more:
+the options: one message on standard error, nothing half-written. `heading` and `live` have one more:
 [3, no valid heading](../guide/output.md#exit-codes).
 """
 #: What stands behind an option without a panel of its own.

@@ -37,7 +37,7 @@ Mask = NDArray[np.bool_]
 #: at least 1.2, and its estimate on 16 degrees of freedom is below a quarter of that in 1e-4.
 MOTION_RATIO = 0.3
 #: Measured over claimed noise variance above which the profile's noise is taken not to fit:
-#: the 99.95 % point of chi-square over 16 degrees of freedom, divided by 16.
+#: the 99.92 % point of chi-square over 16 degrees of freedom, divided by 16.
 NOISE_MISFIT = 2.5
 #: Least standard deviation of a mean rate, rad/s (2e-7 deg/h): keeps a record without noise finite.
 RATE_FLOOR = 1e-12
