@@ -155,6 +155,26 @@ def test_columns_of_another_name_are_mapped_and_named_as_ours():
     assert len(lines) == 4
 
 
+@pytest.mark.parametrize("header", ["time,gy,gx,gz,ay,ax,az", "T,W_Y,W_X,W_Z,F_Y,F_X,F_Z"])
+def test_a_header_in_other_words_is_not_passed_over(header):
+    rows = "".join(f"{i},1,2,3,4,5,6\n" for i in range(3))
+    with pytest.raises(InputError, match=r"has no column w_x, w_y, w_z: its columns are"):
+        read_all(f"{header}\n{rows}".encode())
+    _, lines = read_all(f"Boot, version 2\nready\n{rows}".encode())  # a greeting is no header
+    assert len(lines) == 3
+
+
+def test_the_mark_that_some_programs_begin_with_is_no_part_of_the_first_line():
+    reader, lines = read_all(b"\xef\xbb\xbf# axes: rbd\nt,w_x,w_y,w_z\n0,1,2,3\n1,1,2,3\n", 1, 2, 5)
+    assert reader.stated["axes"] == ("rbd", 1)
+    assert (len(lines), reader.garbage) == (2, 0)
+
+
+def test_a_head_that_contradicts_itself_is_refused():
+    with pytest.raises(InputError, match=r"Row 2 of .* states axes again, with another value"):
+        read_all(b"# axes: frd\n# axes: rbd\nt,w_x,w_y,w_z\n0,1,2,3\n1,1,2,3\n")
+
+
 def test_a_header_that_lacks_a_column_is_refused_at_once():
     with pytest.raises(InputError, match="w_z"):
         read_all(b"t,w_x,w_y\n0,1,2\n")

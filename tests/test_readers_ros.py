@@ -136,6 +136,22 @@ def test_a_covariance_that_begins_with_minus_one_says_absent(tmp_path):
     assert read(mcap2(tmp_path, imu=logged(mixed)), drop_bad_rows=True).rows_dropped == 10
 
 
+def test_the_first_message_does_not_speak_for_all(tmp_path):
+    first = cdr(samples(GYRO[:1] * FLU, None, RATE)[0])
+    path = mcap2(tmp_path, imu=logged([first, *(content for _, content in CDR[1:])]))
+    with pytest.raises(InputError, match=r"Row 1 of rec.mcap: its linear acceleration is marked as absent"):
+        read(path)
+    late = [content if i >= 1200 else cdr((0, *sample[1:])) for i, (content, sample) in enumerate(LONG)]
+    path = mcap2(tmp_path, imu=[(sample[0] + LATER, content) for content, (_, sample) in zip(late, LONG, strict=True)])
+    with pytest.raises(
+        InputError, match=r"Row 1201 of rec.mcap: its header has a time, those at the beginning have none"
+    ):
+        read(path)
+
+
+LONG = [(cdr(sample), sample) for sample in samples(np.tile(GYRO * FLU, (4, 1)), np.tile(ACCEL * FLU, (4, 1)), RATE)]
+
+
 @pytest.mark.parametrize("maker", ["rosbag1", "rosbag2-sqlite3", "mcap"])
 def test_log_times_stand_in_for_stamps_that_are_zero(tmp_path, maker):
     serialise = ros1 if maker == "rosbag1" else cdr

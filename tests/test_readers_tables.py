@@ -261,3 +261,15 @@ def run(*arguments: object):
     """Run the command line in process."""
     apart = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
     return CliRunner(**apart).invoke(app, [str(argument) for argument in arguments])
+
+
+def test_two_datasets_that_may_be_one_axis_are_not_mixed(tmp_path):
+    path = tmp_path / "rec.h5"
+    gyro, accel = still(300)
+    with h5py.File(path, "w") as file:
+        file["gyro"], file["accel"], file["w_y"] = gyro, accel, gyro[:, 1]
+        file.attrs["gyro_unit"], file.attrs["accel_unit"], file.attrs["rate_hz"] = "rad/s", "m/s2", "100"
+    with pytest.raises(
+        InputError, match=r"rec.h5 has w_y and gyro\[1\], and each of them may be w_y: which one is meant"
+    ):
+        read(path)

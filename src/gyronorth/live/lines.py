@@ -3,8 +3,9 @@
 The lines are those of our CSV: comment lines `# key: value`, a header, rows of numbers. A source
 that sends no header is taken to send t,w_x,w_y,w_z,f_x,f_y,f_z or the leading part of it that
 its number of fields tells; `columns` says otherwise. As the first line may be the rest of one, two
-in a row must agree in their number of fields. Comments count where they stand right before the
-header or the first row: one between rows may be garbage.
+in a row must agree in their number of fields; as many names before them that mean nothing to us
+are an error. Comments count where they stand right before the header or the first row: one between
+rows may be garbage.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from gyronorth.recording import InputError
 BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}
 #: The only bytes in a row of numbers.
 NUMERIC = np.isin(np.arange(256, dtype=np.uint8), np.frombuffer(b"0123456789+-.eE, \t", dtype=np.uint8))
+#: What some programs put before the first line of a text.
+BOM = b"\xef\xbb\xbf"
 #: Of a bad line this much is shown.
 SHOWN = 60
 #: Different keys of comment lines that are remembered.
@@ -94,10 +97,14 @@ class LineReader:
         self._row = 0  # of the line that is read, from 1; blank lines and comments count
         self._unsure: bytes | None = None  # a row before the form is known
         self._heard: dict[str, tuple[str, int]] = {}  # comments since the last row
+        self._unmapped: list[str] = []  # names that came before any row and are no header that is understood
+        self._begun = False  # bytes have come
 
     def push(self, data: bytes) -> list[Batch]:
         """The rows that `data` completes."""
         data = self._rest + data
+        if not self._begun and len(data) >= len(BOM):
+            data, self._begun = data.removeprefix(BOM), True
         cut = data.rfind(b"\n") + 1
         data, self._rest = data[:cut], data[cut:]
         if len(self._rest) > LONGEST_LINE:
@@ -180,6 +187,8 @@ class LineReader:
             return
         if text.startswith("#") and text.replace("\t", " ").isprintable():
             match = COMMENT.match(text)
+            if match is not None and self.form is None and self._heard.get(match[1], (match[2],))[0] != match[2]:
+                raise InputError(f"Row {self._row} of {self._name} states {match[1]} again, with another value.")
             if match is not None and len(self._heard) < MOST_KEYS:
                 self._heard[match[1]] = (match[2], self._row)
             return
@@ -197,6 +206,8 @@ class LineReader:
         except InputError:
             if self.form is None and any(title in NAMES for title in titles):
                 raise
+            if self.form is None and all(titles):
+                self._unmapped = titles
             return False
         form = _form(found, titles)
         if form != self.form:
@@ -235,6 +246,8 @@ class LineReader:
     def _unnamed(self, line: bytes) -> Form | None:
         """The form of a source without a header, by one of its rows."""
         width = line.count(b",") + 1
+        if len(self._unmapped) == width:  # a header, in the words of another: the same error as of a file
+            choose_columns(self._unmapped, self._options.columns, OUR_TITLES, self._name)
         if self._options.columns:
             return _form(choose_columns(width, self._options.columns, {}, self._name), [""] * width)
         columns = BY_WIDTH.get(width)

@@ -121,6 +121,12 @@ def choose_columns(
             if str(declared[ours]) != IGNORED:
                 found[ours] = _position(ours, declared[ours], titles, width, name)
             continue
+        present = [alias for alias in aliases.get(ours, ()) if alias in titles]
+        if len(present) > 1 and ours in (*RATES, *FORCES):
+            raise InputError(
+                f"{name} has {' and '.join(present)}, and each of them may be {ours}: which one is meant? Say so: "
+                f"--columns {ours}={present[0]}, and likewise for the other axes."
+            )
         for alias in aliases.get(ours, ()):
             if titles.count(alias) > 1:
                 raise InputError(f"The header of {name} has {titles.count(alias)} columns {alias}; which one is meant?")

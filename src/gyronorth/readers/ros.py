@@ -95,7 +95,7 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
         )
     unstamped = not block.stamp[~block.broken].any() and len(head) > 1
     time = logged if unstamped else block.stamp
-    kind = _Kind(topic.cdr, unstamped, not block.force_absent[0], int(time[0]))
+    kind = _Kind(topic.cdr, unstamped, not block.force_absent.all(), int(time[0]))
     started = kind.zero >= EARLIEST_DATE * 1_000_000_000
     stated = facts or Facts(start_time_utc=utc_from_ns(kind.zero) if started else None)
     notes = ()
@@ -171,6 +171,7 @@ def _block(held: list[tuple[int, bytes]], row: int, kind: _Kind) -> Block:
         (block.broken, "it is no sensor_msgs/Imu"),
         (block.rate_absent, "its angular velocity is marked as absent"),
         (block.force_absent & kind.accel, "its linear acceleration is marked as absent"),
+        (~block.broken & kind.logged & (block.stamp != 0), "its header has a time, those at the beginning have none"),
     ]
     bad = np.any([flags for flags, _ in wrong], axis=0)
     if not bad.any():

@@ -54,6 +54,8 @@ def write_chunks(chunks: Iterable[Recording], path: str | Path) -> None:
             beside.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
+    except RuntimeError as error:  # HDF5, on a full disk
+        raise InputError(f"{path} cannot be written: {str(error)[:200]}") from None
 
 
 def _write_csv(outgoing: Outgoing, path: Path) -> None:
