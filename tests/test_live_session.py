@@ -50,6 +50,14 @@ def test_the_answer_is_that_of_the_file(tmp_path):
     assert not status.current  # it is over: nothing may be steered by it
 
 
+def test_times_too_coarse_to_use_are_a_reason():
+    """Ten rows share each printed time: nine of ten are left out, which no average of the rest makes up for."""
+    status = session_of(HEAD, timed_rows(np.floor(seconds(0, 40) * RATE_HZ / 10) / RATE_HZ * 10)).status
+    assert status.counters.strays > 3000
+    assert "gaps" in codes(status)
+    assert "too coarse" in next(reason.message for reason in status.estimate.reasons if reason.code == "gaps")
+
+
 def test_a_measured_rate_is_written_into_the_file(tmp_path):
     rng = np.random.default_rng(20240501)
     times = seconds(0, 40) * 1.003 + rng.uniform(-1e-3, 1e-3, 4000)

@@ -226,6 +226,7 @@ class Session:
         self._implausible += int(len(usable) - usable.sum())
         rows = batch.rows if usable.all() else batch.rows.take(usable)
         pieces = [rows] if self._timeline is None else self._timeline.push(rows)
+        stretch.strays = 0 if self._timeline is None else self._timeline.strays
         for number, piece in enumerate(pieces):
             if number > 0:
                 self._begin(batch, "the time stamps jumped", timeline=self._timeline)

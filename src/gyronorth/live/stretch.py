@@ -27,6 +27,8 @@ LOOK_DECLARED, LOOK_MEASURE = 1.0, 10.0
 LOOK_ROWS = 10_000
 #: Units and axes are judged from the first 2, 4, ... 32 s.
 FIRST_CHECK, LAST_CHECK = 2.0, 32.0
+#: So many stray rows are none too many, however short the stretch.
+FEW = 20
 #: Samples kept for that, at most.
 CHECKED_SAMPLES = 40_000
 
@@ -52,6 +54,7 @@ class Stretch:
             )
         self.samples = 0
         self.gaps = 0
+        self.strays = 0  # rows left out before they came here: their time repeats or runs backwards
         self.objection: Finding | None = None  # what the checks of units and axes say
         self._regulariser = Regulariser(self._source, self.declared, options)
         self._rows = 0
@@ -82,6 +85,13 @@ class Stretch:
         if self.missing > MOST_MISSING * self.samples:
             share = self.missing / self.samples
             message = f"{share:.0%} of the samples are missing; up to {MOST_MISSING:.0%} are bridged."
+            found.append(Finding("gaps", message, share, MOST_MISSING))
+        if self.strays > max(FEW, MOST_MISSING * (self.strays + self.samples)):
+            share = self.strays / (self.strays + self.samples)
+            message = (
+                f"{share:.0%} of the rows repeat a time or run backwards and are left out, {MOST_MISSING:.0%} may be. "
+                "Likely the times are too coarse: leave them out (--columns t=-) and declare --rate."
+            )
             found.append(Finding("gaps", message, share, MOST_MISSING))
         return tuple(found)
 
