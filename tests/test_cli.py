@@ -515,6 +515,11 @@ class TestProcess:
         result = self.start(*arguments, env={**os.environ, "OMP_NUM_THREADS": "1"})
         return children() - before, result
 
+    def test_without_standard_output(self, rec):
+        command = f"{sys.executable} -m gyronorth.cli heading {rec} --sensor hg9900 >&-"
+        result = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+        assert (result.returncode, result.stderr) == (0, "")
+
     def test_help_is_light(self):
         seconds, result = min((self.cpu_seconds("--help") for _ in range(2)), key=lambda pair: pair[0])
         assert result.returncode == 0

@@ -58,6 +58,14 @@ def test_times_too_coarse_to_use_are_a_reason():
     assert "too coarse" in next(reason.message for reason in status.estimate.reasons if reason.code == "gaps")
 
 
+def test_a_new_stretch_does_not_answer_for_the_times_of_the_last():
+    coarse = timed_rows(np.floor(seconds(0, 20) * RATE_HZ / 10) / RATE_HZ * 10)
+    fine = timed_rows(seconds(1000, 1020))
+    status = session_of(HEAD, coarse, 0.3, fine[:1000], 0.3, fine[1000:]).status
+    assert (status.counters.time_jumps, "gaps" in codes(status)) == (1, False)
+    assert status.counters.strays > 1500
+
+
 def test_a_measured_rate_is_written_into_the_file(tmp_path):
     rng = np.random.default_rng(20240501)
     times = seconds(0, 40) * 1.003 + rng.uniform(-1e-3, 1e-3, 4000)

@@ -303,6 +303,8 @@ def test_a_split_bag_is_one_recording(tmp_path, name):
     for topic in about["topics_with_message_count"]:
         topic["message_count"] = len(GYRO)
     YAML(typ="safe").dump(content, metadata)
+    write_bag2(tmp_path / "stray", {"/imu": CDR})
+    next((tmp_path / "stray").glob("*.db3")).rename(folder / "stray.db3")  # metadata.yaml does not list it
     assert_array_equal(read(folder).gyro_b, GYRO)
     two.write_bytes(two.read_bytes()[:9000])
     with pytest.raises(InputError, match=r"second.db3 is cut off: it is shorter than its header states. .*reindex"):

@@ -79,6 +79,7 @@ class Session:
         self._shown: Stretch | None = None  # the present one or, until the next begins, the last
         self._timeline: Timeline | None = None
         self._past = Counters()  # of the stretches behind
+        self._strays_before = 0  # of the timeline, before the stretch
         self._good = self._implausible = 0
         self._connections = self._stalls = 0
         self._last_data = time.monotonic()
@@ -226,7 +227,7 @@ class Session:
         self._implausible += int(len(usable) - usable.sum())
         rows = batch.rows if usable.all() else batch.rows.take(usable)
         pieces = [rows] if self._timeline is None else self._timeline.push(rows)
-        stretch.strays = 0 if self._timeline is None else self._timeline.strays
+        stretch.strays = 0 if self._timeline is None else self._timeline.strays - self._strays_before
         for number, piece in enumerate(pieces):
             if number > 0:
                 self._begin(batch, "the time stamps jumped", timeline=self._timeline)
@@ -291,7 +292,7 @@ class Session:
         self._stretch = self._shown = stretch
         if timeline is None:
             timeline = Timeline(stretch.declared.rate_hz) if batch.form.time else None
-        self._timeline = timeline
+        self._timeline, self._strays_before = timeline, timeline.strays if timeline else 0
         if self._recorder is not None:
             self._recorder.begin(stretch, self._source.name, start_time_utc=utc_now() if self._source.live else None)
         self._estimation.begin(None)

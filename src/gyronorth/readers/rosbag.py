@@ -56,8 +56,6 @@ def open_rosbag1(path: Path, options: ReadOptions) -> Source:
 
 def open_rosbag2(path: Path, options: ReadOptions) -> Source:
     """Open a bag of ROS 2."""
-    for database in _databases(path):
-        _check_whole(database)
     return _open_folder(path, options) if path.is_dir() else _open_database(path, options)
 
 
@@ -114,7 +112,11 @@ def _open_folder(path: Path, options: ReadOptions) -> Source:
         found = [(each.topic, each.msgtype, each.msgcount) for each in reader.connections]
         topic, count = _chosen(path.name, options, found)
         times = int(reader.start_time), int(reader.end_time) - 1
-        databases = [] if reader.compression_format else _databases(path)
+        # Those that metadata.yaml lists; another one in the folder is none of the recording.
+        listed = [storage.path for storage in reader.storage.storages if isinstance(storage, _Unopened)]
+        databases = [] if reader.compression_format else listed
+        for database in databases:
+            _check_whole(database)
     messages = partial(_from_databases, path.name, databases, topic) if databases else None
     messages = messages or partial(_messages, path, "rosbag2", topic)
     return imu_source(path.name, "rosbag2", ImuTopic(topic, count, *times, True, messages))
@@ -122,6 +124,7 @@ def _open_folder(path: Path, options: ReadOptions) -> Source:
 
 def _open_database(path: Path, options: ReadOptions) -> Source:
     """A database alone: the messages of many are not counted one by one, topics are drawn."""
+    _check_whole(path)
     with _connected(path.name, [path]) as (database,):
         names = database.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()
         (total,) = database.execute("SELECT COUNT(*) FROM messages").fetchone()
@@ -160,7 +163,7 @@ class _Unopened:
     """Stands for a database in the library's reader of a folder, which opens and counts all of them."""
 
     def __init__(self, path: Path) -> None:
-        self.connections: list[Any] = []
+        self.path, self.connections = path, list[Any]()
 
     def open(self) -> None:
         """Nothing."""
@@ -192,11 +195,6 @@ def _messages(path: Path, format: str, topic: str, start: int | None, stop: int 
         found = _chunk_by_chunk(reader, chosen, start, stop) if chunked else reader.messages(chosen, start, stop)
         for _, time, message in found:
             yield time, message
-
-
-def _databases(path: Path) -> list[Path]:
-    """The SQLite files of a bag of ROS 2, often one."""
-    return sorted(path.glob("*.db3")) if path.is_dir() else [path] if path.suffix.lower() == ".db3" else []
 
 
 def _from_databases(

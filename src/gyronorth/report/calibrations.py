@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from math import degrees
 from typing import TYPE_CHECKING, TextIO
 
+from gyronorth.choice import DEVIATION_SUPPORT
 from gyronorth.report.terminal import print_lines, print_table
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ WORTH_IT = 0.95
 
 def print_calibration(found: Calibration, stream: TextIO) -> None:
     """Print the cross-validated gain, then one row per recording."""
-    doc = found.to_json()
+    doc, reach = found.to_json(), degrees(DEVIATION_SUPPORT)
     ratio = doc["ratio"]
     verdict = (
         "the curve helps on recordings it has not seen" if ratio < WORTH_IT else "the curve does not help; leave it out"
@@ -26,7 +28,7 @@ def print_calibration(found: Calibration, stream: TextIO) -> None:
         ("error", f"{doc['crmse_deg']:.2f} deg uncorrected, {doc['left_out_crmse_deg']:.2f} deg each left out in turn"),
         ("ratio", f"{ratio:.2f}: {verdict}"),
         ("curve", f"there is one with probability {doc['curve_probability']:.2f}"),
-        ("holds for", "this unit in this power-up session; within 45 deg of a heading of the swing"),
+        ("holds for", f"this unit in this power-up session; within {reach:.0f} deg of a heading of the swing"),
     ]
     print_lines(lines, stream)
     stream.write("\n")
