@@ -37,6 +37,12 @@ def dying_once(*, value: int, mark: str) -> dict:
     return {"square": value * value}
 
 
+def dying(*, value: int) -> dict:
+    """Kill the worker each time."""
+    os.kill(os.getpid(), 9)
+    return {"square": value * value}
+
+
 def slow(*, value: int, seconds: float) -> dict:
     """A result after a while."""
     time.sleep(seconds)

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from study_units import dying_once, failing, logged, slow, square, total
+from study_units import dying, dying_once, failing, logged, slow, square, total
 from typer.testing import CliRunner
 
 from gyronorth.cli import app
@@ -131,6 +131,41 @@ def test_benchmark_writes_json_and_markdown_and_continues(tmp_path):
     assert study["schema"] == "gyronorth.study/1"
     assert study["command"] == "gyronorth benchmark published --study noise -o FOLDER"
     assert "Angle random walk" in (tmp_path / "noise.md").read_text()
+
+
+def test_workers_that_end_are_told_and_what_is_finished_is_kept(tmp_path):
+    units = [Unit("ok", square, {"value": 2}), Unit("bad", dying, {"value": 1})]
+    with executor_on(None, workers=1) as executor:
+        run_units(units[:1], tmp_path, executor, command="")
+        with pytest.raises(InputError, match=r"workers were lost before .* fewer --workers"):
+            run_units(units, tmp_path, executor, command="")
+    assert list(files_of(tmp_path)) == ["units/ok.json"]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # of Dask about what is lost on purpose
+def test_what_dask_loses_is_told_or_computed_again(tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="Dask (extra `scale`) is not installed")
+    fetch = distributed.Client._gather
+
+    async def fetched_then_lost(client, futures, *arguments, **named):
+        """The scheduler tells of a lost worker between the result and the question for its state."""
+        result = await fetch(client, futures, *arguments, **named)
+        for future in futures:
+            future._state.lose()
+        return result
+
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None)
+    with cluster, executor_on(cluster.scheduler_address) as executor:
+        with monkeypatch.context() as patch:
+            patch.setattr(distributed.Client, "_gather", fetched_then_lost)
+            results = run_units([Unit("a", square, {"value": 3})], tmp_path, executor, command="")
+        assert results == {"a": {"square": 9}}
+        with pytest.raises(RuntimeError, match="unit 1 failed"):
+            run_units([Unit("b", failing, {"value": 1})], tmp_path, executor, command="")
+        with pytest.raises(InputError, match="workers were lost before"):
+            run_units([Unit("c", dying, {"value": 1})], tmp_path, executor, command="")
+    assert list(files_of(tmp_path)) == ["units/a.json"]
 
 
 @pytest.mark.slow

@@ -14,14 +14,27 @@ import json
 import os
 import subprocess
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from gyronorth.recording import InputError
+
+if TYPE_CHECKING:
+    import distributed
 
 SCHEMA = "gyronorth.unit/1"
 #: How often a unit is given to a pool again whose worker died under it.
@@ -60,6 +73,11 @@ def run_units(
 
     Finished units are written as they come; `done(finished, total)` is called after each.
     An exception in a unit is raised once the others that run have been written.
+
+    Raises
+    ------
+    InputError
+        If the workers end before their units do.
     """
     order = _with_needs(units)
     results = {unit.name: result for unit in order if (result := _stored(unit, folder)) is not None}
@@ -83,6 +101,12 @@ def run_units(
             _write(unit, result, folder, command)
             results[unit.name] = result
             done(len(results), len(order))
+    if isinstance(failure, BrokenExecutor):
+        raise InputError(
+            f"The workers were lost before their units were finished ({failure}). The likely cause is too little "
+            "memory, or with --scheduler a broken connection. What is finished is kept: give the command again to "
+            "go on, with fewer --workers if it happens again."
+        ) from failure
     if failure is not None:
         raise failure
     return results
@@ -101,8 +125,6 @@ def executor_on(scheduler: str | None, *, workers: int | None = None) -> Iterato
         with ProcessPoolExecutor(max_workers=workers, mp_context=_spawn()) as pool:
             yield pool
         return
-    from gyronorth.recording import InputError
-
     try:
         from distributed import Client
     except ImportError:
@@ -113,8 +135,8 @@ def executor_on(scheduler: str | None, *, workers: int | None = None) -> Iterato
         raise InputError(
             f"No Dask scheduler answers at {scheduler} ({error}). Start one or give its address."
         ) from None
-    with client, client.get_executor(retries=ATTEMPTS) as pool:
-        yield pool
+    with client:
+        yield _DaskPool(client)
 
 
 @cache
@@ -145,6 +167,34 @@ def write_json(path: Path, content: object) -> None:
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     beside.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     os.replace(beside, path)
+
+
+class _DaskPool(Executor):
+    """Units on the workers of a Dask cluster.
+
+    Dask's own `ClientExecutor` asks for the state of a unit after it has fetched the result, and takes
+    the result for an exception if the worker has been lost in between.
+    """
+
+    def __init__(self, client: distributed.Client) -> None:
+        self._client = client
+
+    def submit(self, function: Callable[..., Result], /, *args: Any, **arguments: Any) -> Future[Result]:
+        given: Future[Result] = Future()
+        remote = self._client.submit(function, *args, retries=ATTEMPTS, **arguments)
+        remote.add_done_callback(lambda unit: _hand_over(unit, given))
+        return given
+
+
+def _hand_over(unit: distributed.Future[Result], given: Future[Result]) -> None:
+    from distributed import KilledWorker
+
+    try:
+        given.set_result(unit.result())
+    except (CancelledError, KilledWorker) as error:
+        given.set_exception(BrokenExecutor(str(error)))
+    except Exception as error:
+        given.set_exception(error)
 
 
 def _spawn() -> Any:
