@@ -363,6 +363,14 @@ def test_every_mismatch_is_named_with_value_and_limit(change, message, value, li
     assert found.limit == limit
 
 
+def test_what_is_longer_than_the_longest_window_may_come_slower():
+    made = {"method": "learned", "layout": "temporal", "proposal": {"sha256": "0"}}
+    bundle = Bundle.model_validate({**made, "domain": {"rate_hz": 3, "samples": 90, "longest_samples": 900}})
+    assert mismatch(bundle, RecordingFacts(rate_hz=1.0, duration=900.0)) == []
+    (found,) = mismatch(bundle, RecordingFacts(rate_hz=1.0, duration=600.0))
+    assert "rate of 1 Hz is below the bundle's 1.5 Hz" in found.message
+
+
 def test_what_is_not_known_is_not_judged():
     anything = Bundle.model_validate(
         {

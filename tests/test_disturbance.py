@@ -7,13 +7,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gyronorth.angles import DEG_PER_HOUR, cyclic_rmse
-from gyronorth.disturbance import HELD_OUT, KINDS, Disturbance, draw_disturbance, reference_set
+from gyronorth.disturbance import Disturbance, draw_disturbance, reference_set
+from gyronorth.kinds import HELD_OUT, KINDS, SLOW
 from gyronorth.levelling import level, mat_bn
 
 DEG = np.pi / 180
 
 
-@pytest.mark.parametrize("kind", [*KINDS, *HELD_OUT])
+@pytest.mark.parametrize("kind", [*KINDS, *SLOW, *HELD_OUT])
 def test_same_seed_same_disturbance_in_either_shape(kind):
     one = draw_disturbance(kind, samples=90, rate_hz=3.0, rng=np.random.default_rng(5))
     many = draw_disturbance(kind, samples=90, rate_hz=3.0, rng=np.random.default_rng(5), runs=1)
@@ -22,7 +23,7 @@ def test_same_seed_same_disturbance_in_either_shape(kind):
     assert_allclose(many.bias_b[0], one.bias_b, rtol=0, atol=0)
     moves, settles = np.any(one.rate_b != 0), np.any(one.bias_b != 0)
     assert moves == (kind in {"sway", "shock", "tilt", "mixed", "square", "beat"})
-    assert settles == (kind in {"warmup", "mixed", "ramp"})
+    assert settles == (kind in {"warmup", "mixed", "soak", "ramp"})
 
 
 def test_unknown_kind_names_the_kinds():

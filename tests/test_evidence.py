@@ -8,7 +8,15 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from gyronorth.alignment.bayes import SETTLING_RATE, TIME_CONSTANT_BINS, TONE_RATE
-from gyronorth.alignment.evidence import WALK_MODES, WALK_RATE, columns, evidence, law, log_kinds
+from gyronorth.alignment.evidence import (
+    WALK_MODES,
+    WALK_RATE,
+    columns,
+    evidence,
+    law,
+    log_kinds,
+    time_constant_bins,
+)
 from gyronorth.alignment.turned_law import mean_covariance
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.sensor import TriadErrors
@@ -109,3 +117,14 @@ def test_priors_are_a_distribution():
     quiet, struck = (np.exp(log_kinds(share, bumped=bumped)) for bumped in (False, True))
     assert struck[settles].sum() > quiet[settles].sum()
     assert struck[:, 1:].sum() > quiet[:, 1:].sum()
+
+
+def test_a_longer_recording_allows_for_a_slower_warm_up():
+    assert_allclose(time_constant_bins(300.0), TIME_CONSTANT_BINS)
+    for duration in (301.0, 900.0, 28_800.0):
+        edges = time_constant_bins(duration)
+        assert_allclose(edges[: len(TIME_CONSTANT_BINS)], TIME_CONSTANT_BINS)
+        assert 2 * duration <= edges[-1] < 2 * duration * 4 / 3
+        known = law(900, 900 / duration, WHITE)
+        assert known.settling.shape[1] - WALK_MODES == len(known.share)
+        assert_allclose(known.share[: len(edges) - 1].sum(), 1.0)

@@ -402,6 +402,33 @@ def test_auto_holds_no_bias_constant_that_settles():
     assert abs(angle_error(traced.heading, 1.0)) > 4 * traced.sigma
 
 
+def long_ones(kind, duration, runs):
+    """Long recordings of the gyro alone, with the estimate of auto."""
+    made = reference_set(kind, runs=runs, duration=duration, seed=7)
+    sensor = Sensor("mix", TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR, turn_on_bias=0.1 * DEG_PER_HOUR))
+    found = [heading(Recording(x, None, 3.0, latitude=made.latitude), sensor=sensor) for x in made.gyro_b]
+    off = angle_error([one.heading for one in found], made.heading)
+    return found, off / [one.sigma for one in found]
+
+
+@pytest.mark.parametrize(("kind", "duration"), [("warmup", 400.0), ("soak", 900.0)])
+def test_auto_is_not_deceived_by_a_long_recording_that_warms_up(kind, duration):
+    """Chi-square over 20 headings is beyond 45.3 once in 1000 times; holding the bias constant gives ten times that."""
+    pytest.importorskip("onnxruntime")
+    found, off = long_ones(kind, duration, 20)
+    assert np.sum(off**2) < 45.3
+    assert {one.method for one in found} >= {"learned"}
+
+
+@pytest.mark.slow
+def test_without_the_network_both_ends_of_a_long_recording_are_asked(monkeypatch):
+    monkeypatch.setattr("gyronorth.choice.find_spec", lambda name: None)
+    found, off = long_ones("warmup", 400.0, 6)
+    # Chi-square with 6 degrees of freedom: 22.5 once in 1000 times.
+    assert np.sum(off**2) < 22.5
+    assert any(one.method == "bayes" and "settles" in one.method_reason for one in found)
+
+
 @pytest.mark.slow
 def test_auto_covers_the_reference_mix_with_an_accelerometer():
     """40 intervals of 90 %: 28 or fewer hold once in 500 times. Choosing by sigma alone, 53 % held."""

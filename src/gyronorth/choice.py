@@ -16,6 +16,7 @@ from gyronorth.alignment.turned_segments import Segments
 from gyronorth.angles import angle_error
 from gyronorth.conclusion import Found
 from gyronorth.deviation import DeviationModel
+from gyronorth.estimate import Unrest
 from gyronorth.recording import InputError
 from gyronorth.solution import (
     Data,
@@ -28,8 +29,10 @@ from gyronorth.solution import (
     solve_mean,
 )
 from gyronorth.specialists import (
+    BAYES_LONGEST,
     bayes_fits,
     mismatched,
+    part_of,
     segments_of,
     solve_bayes,
     solve_learned,
@@ -90,8 +93,7 @@ def find(
             return _corrected(data, closed, moved, bundle, session=session)
         if method == "learned":
             solution, unrest = solve_learned(data, closed, moved, bundle)
-            warnings = () if unrest is None or unrest.fits else (Finding("swaying", UNLEARNED),)
-            return Found(method, solution, "asked for", moved, bundle=bundle.name, warnings=warnings, unrest=unrest)
+            return replace(_learned(solution, unrest, moved, bundle), why="asked for")
         if bundle.info.method in set(TRAINED) - {method}:
             raise InputError(
                 f"The bundle {bundle.name} is one of method {bundle.info.method}, but method {method} was asked for. "
@@ -140,7 +142,7 @@ def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solutio
     candidates = {"mean": mean}
     if traced is not None:
         candidates["inertial"] = traced
-    modelled = _modelled(data, closed, moved) if moved.detected and bayes_fits(data) else None
+    modelled = _modelled(data, closed, moved) if moved.detected else None
     unrest = None if modelled is None else modelled.unrest
     if modelled is not None and unrest is not None:
         if unrest.unsteady >= UNSTEADY:
@@ -155,15 +157,31 @@ def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solutio
     return Found(best, candidates[best], why, moved, unrest=unrest)
 
 
-def _modelled(data: Data, closed: Levelled, moved: Disturbance) -> Found:
-    """The method that models disturbance: learned, or bayes where it cannot run or explain the recording."""
-    if find_spec("onnxruntime") is not None:
+def _modelled(data: Data, closed: Levelled, moved: Disturbance) -> Found | None:
+    """The method that models disturbance: learned, or bayes where it cannot run or explain the recording.
+
+    None where neither takes the recording, or `learned` cannot explain one that is too long for `bayes`. Where
+    `learned` is not installed, `bayes` sees the end of such a one, and the beginning, where a bias settles.
+    """
+    installed = find_spec("onnxruntime") is not None
+    if installed:
         bundle = bundle_of("learned", None)
         solution, unrest = solve_learned(data, closed, moved, bundle)
         if unrest is not None and unrest.fits:
-            return Found("learned", solution, "", moved, bundle=bundle.name, unrest=unrest)
-    solution, unrest = solve_bayes(data, closed, moved)
-    return Found("bayes", solution, "", moved, unrest=unrest)
+            return _learned(solution, unrest, moved, bundle)
+    if bayes_fits(data):
+        solution, unrest = solve_bayes(data, closed, moved)
+        return Found("bayes", solution, "", moved, unrest=unrest)
+    begin, end = (part_of(data, seconds) for seconds in (BAYES_LONGEST, -BAYES_LONGEST))
+    if bayes_fits(end) and not installed:
+        (_, first), (solution, last) = solve_bayes(begin, closed, moved), solve_bayes(end, closed, moved)
+        return Found("bayes", solution, "", moved, unrest=max(first, last, key=lambda unrest: unrest.unsteady))
+    return None
+
+
+def _learned(solution: Solution, unrest: Unrest | None, moved: Disturbance, bundle: LoadedBundle) -> Found:
+    warnings = () if unrest is None or unrest.fits else (Finding("swaying", UNLEARNED),)
+    return Found("learned", solution, "", moved, bundle=bundle.name, warnings=warnings, unrest=unrest)
 
 
 def bundle_of(method: str, model: str | Path | None) -> LoadedBundle:

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import earth_rate_n
-from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.levelling import mat_bn
 
 Array = NDArray[np.float64]
@@ -39,6 +38,7 @@ DISTRIBUTIONS = {
     "warm-up": "gyro bias a exp(-t / tau), a normal per axis, sigma 2 deg/h; tau uniform 15-120 s",
     "slow tilt": "angle a (1 - exp(-t / tau)) about the two horizontal axes, a normal, sigma 0.01 deg; "
     "tau uniform 30-300 s",
+    "soak": "gyro bias a exp(-t / tau), a normal per axis, sigma 2 deg/h; tau log-uniform 2-20 min",
     "square": "held out: square wave of rate, amplitude per axis half-normal, sigma 0.002 deg/s; "
     "period log-uniform 5-60 s",
     "ramp": "held out: gyro bias growing linearly from zero, slope per axis normal, sigma 4 deg/h per 100 s",
@@ -82,7 +82,7 @@ def drawn(kind: str, times: Array, *, runs: int, rng: np.random.Generator) -> tu
     Parameters
     ----------
     kind : str
-        One of `KINDS` or `HELD_OUT`.
+        One of `KINDS`, `SLOW` or `HELD_OUT`.
     times : ndarray, shape (k,)
         Times from 0 to the end of the recording, s.
     runs : int
@@ -95,8 +95,8 @@ def drawn(kind: str, times: Array, *, runs: int, rng: np.random.Generator) -> tu
     angle, bias_angle : ndarray, shape (runs, k, 3)
         Rotation vector of the body, and integral of the gyro bias up to a constant, rad.
     """
-    if kind not in (*KINDS, *HELD_OUT):
-        raise ValueError(f"disturbance is {kind!r}; one of {', '.join((*KINDS, *HELD_OUT))} is expected.")
+    if kind not in _KINDS:
+        raise ValueError(f"disturbance is {kind!r}; one of {', '.join(_KINDS)} is expected.")
     angle, bias_angle = _KINDS[kind](Draw(runs, times, rng))
     shape = (runs, len(times), 3)
     return np.broadcast_to(angle, shape), np.broadcast_to(bias_angle, shape)
@@ -105,12 +105,12 @@ def drawn(kind: str, times: Array, *, runs: int, rng: np.random.Generator) -> tu
 def draw_disturbance(
     kind: str, *, samples: int, rate_hz: float, rng: np.random.Generator, runs: int | None = None
 ) -> Disturbance:
-    """A disturbance of a kind of `KINDS` or `HELD_OUT`, with parameters drawn from `DISTRIBUTIONS`.
+    """A disturbance of a kind of `KINDS`, `SLOW` or `HELD_OUT`, with parameters drawn from `DISTRIBUTIONS`.
 
     Parameters
     ----------
     kind : str
-        "quiet", "sway", "shock", "warmup", "tilt", "mixed", or held out "square", "ramp", "beat".
+        "quiet", "sway", "shock", "warmup", "tilt", "mixed", "soak", or held out "square", "ramp", "beat".
     samples : int
         Number of samples n.
     rate_hz : float
@@ -178,7 +178,14 @@ class Draw:
 
     def warm_up(self) -> Array:
         amplitude = self.rng.normal(0, 2 * DEG_PER_HOUR, (self.runs, 1, 3))
-        tau = self.rng.uniform(15, 120, self.runs)[:, None, None]
+        return self._settling(amplitude, self.rng.uniform(15, 120, self.runs))
+
+    def soak(self) -> Array:
+        amplitude = self.rng.normal(0, 2 * DEG_PER_HOUR, (self.runs, 1, 3))
+        return self._settling(amplitude, self.log_uniform(120, 1200))
+
+    def _settling(self, amplitude: Array, tau: Array) -> Array:
+        tau = tau[:, None, None]
         return -amplitude * tau * np.exp(-self.times[:, None] / tau)
 
     def slow_tilt(self) -> Array:
@@ -209,6 +216,7 @@ _KINDS: dict[str, Callable[[Draw], tuple[Array | float, Array | float]]] = {
     "warmup": lambda draw: (0.0, draw.warm_up()),
     "tilt": lambda draw: (draw.slow_tilt(), 0.0),
     "mixed": lambda draw: (draw.tones((0.7, 0.7)) + draw.bumps(0), draw.warm_up()),
+    "soak": lambda draw: (0.0, draw.soak()),
     "square": lambda draw: (draw.square(), 0.0),
     "ramp": lambda draw: (0.0, draw.ramp()),
     "beat": lambda draw: (draw.beat(), 0.0),

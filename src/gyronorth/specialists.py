@@ -121,6 +121,14 @@ def bayes_fits(data: Data) -> bool:
     return data.rate_hz >= BAYES_RATE and BAYES_SHORTEST <= data.duration <= BAYES_LONGEST + 1
 
 
+def part_of(data: Data, seconds: float) -> Data:
+    """The first `seconds`, s, or the last where negative; all where there are no more."""
+    count = round(abs(seconds) * data.rate_hz)
+    part = slice(None, count) if seconds > 0 else slice(max(data.gyro_b.shape[-2] - count, 0), None)
+    accel_b = None if data.accel_b is None else data.accel_b[..., part, :]
+    return replace(data, gyro_b=data.gyro_b[..., part, :], accel_b=accel_b)
+
+
 def solve_bayes(data: Data, mean: Levelled, moved: Disturbance) -> tuple[Solution, Unrest]:
     """Model averaging over tones, settling and bumps (`alignment.bayes`) of one recording, and what it found."""
     from gyronorth.alignment.bayes import bayes
@@ -151,7 +159,7 @@ def solve_learned(
     one = solved.found[0]
     found = replace(mean, heading=solved.heading[0], rate_l=one.rate_l)
     half = min(float(solved.high[0] - solved.low[0]) / 2, np.pi)
-    bumps, excess = one.bumps / min(bundle.info.domain.rate_hz, data.rate_hz), float(np.sqrt(one.excess))
+    bumps, excess = one.bumps / solved.rate_hz, float(np.sqrt(one.excess))
     unrest = Unrest(one.tones, one.settling, one.tilt, one.walk, bumps, excess, bool(solved.fits[0]))
     return _of_disturbed(data, found, moved, sigma=float(solved.sigma[0]), half=half), unrest
 

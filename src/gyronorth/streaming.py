@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.rotation import from_rotation_vector, multiply
 from gyronorth.alignment.turned_segments import CHUNK
-from gyronorth.choice import TRAINED
 from gyronorth.conditioning import block_means
 from gyronorth.deviation import DeviationModel
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
@@ -39,6 +38,8 @@ MOST_ROWS = 24_000
 WAITING = 1024
 #: Poses that the fit of a turned recording takes at most; what lies before them is dropped.
 MOST_POSES = 16
+#: Methods that look at the last window of a recording only.
+LAST_WINDOW = ("bayes", "paper", "baseline")
 #: Points of the traces at most.
 TRACE_POINTS = 1000
 #: Shortest piece of the trace of the rate norm, s.
@@ -72,7 +73,7 @@ class StreamingHeading:
     within 80, and double with the time from then on (3.2 s after 24 h): motion shorter than a row
     is then seen only by what it leaves, and poses shorter than about five rows are lost (warning
     `older_merged`). Up to one row of the newest samples waits for its completion. Of a turned
-    record the newest 16 poses are used, and "bayes" and trained networks, which look at their last
+    record the newest 16 poses are used, and "bayes", "paper" and "baseline", which look at their last
     window only, have older samples dropped rather than merged (warning `older_dropped`).
     """
 
@@ -101,7 +102,7 @@ class StreamingHeading:
 
     def restart(self) -> None:
         """Forget all samples and the trace."""
-        lowest_hz = BAYES_RATE if self._method in ("bayes", *TRAINED) else 0.0
+        lowest_hz = BAYES_RATE if self._method in LAST_WINDOW else 0.0
         self._store = _Store(self.rate_hz, 6 if self.accelerometer else 3, lowest_hz)
         self._trace: list[tuple[float, float, float, bool]] = []
         self._spacing = 0.0

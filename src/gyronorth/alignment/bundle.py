@@ -32,7 +32,8 @@ class Domain(Strict):
 
     rate_hz: Positive  # rate of the network's input, Hz; a faster recording is decimated to it
     samples: Annotated[int, Field(gt=0)]  # length of the window in samples; the shortest one if there are several
-    longest_samples: Annotated[int, Field(gt=0)] | None = None  # the longest window, where any length between will do
+    #: The longest window, where any length between will do; what is longer is averaged down to as many samples.
+    longest_samples: Annotated[int, Field(gt=0)] | None = None
     latitude_deg: float | None = None
     latitude_tolerance_deg: Positive = 2.0
     sensor: str | None = None  # sensor class: the name of a profile
@@ -45,6 +46,10 @@ class Domain(Strict):
     def window(self) -> float:
         """Length of the window, s."""
         return self.samples / self.rate_hz
+
+    def rate_at(self, duration: float) -> float:
+        """Rate, Hz, to which a recording of `duration` s is averaged down."""
+        return self.rate_hz if self.longest_samples is None else min(self.rate_hz, self.longest_samples / duration)
 
 
 class DenoiserPart(Strict):
@@ -187,9 +192,10 @@ def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Mismatch]:
     found: list[Mismatch] = []
     if bundle.heading is None and bundle.proposal is None and bundle.deviation is None:
         found.append(Mismatch("the bundle holds a denoiser only and gives no heading", None, None))
-    if facts.rate_hz < domain.rate_hz * (1 - 1e-9):
-        text = f"the recording's rate of {facts.rate_hz:g} Hz is below the bundle's {domain.rate_hz:g} Hz"
-        found.append(Mismatch(text, facts.rate_hz, domain.rate_hz))
+    needed = domain.rate_at(facts.duration)
+    if facts.rate_hz < needed * (1 - 1e-9):
+        text = f"the recording's rate of {facts.rate_hz:g} Hz is below the bundle's {needed:g} Hz"
+        found.append(Mismatch(text, facts.rate_hz, needed))
     if facts.duration < domain.window * (1 - WINDOW_SLACK):
         text = f"the recording's {facts.duration:g} s are shorter than the bundle's window of {domain.window:g} s"
         found.append(Mismatch(text, facts.duration, domain.window))

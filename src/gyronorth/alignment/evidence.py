@@ -34,6 +34,9 @@ KINDS = (
     (0.04, 0.0, False, (0.0, 0.3, 0.7)),  # sway alone
     (0.08, 1.0, False, (0.8, 0.1, 0.1)),  # bumps
 )
+#: Beyond this duration, s, a bias may also settle with time constants of up to so many durations, in bins that grow
+#: by this factor. Slower ones are told from none by the slope they leave, and they cost a quiet recording nothing.
+LONGEST, SLOWEST, WIDER = 300.0, 2.0, 4 / 3
 #: Slow tilt where no bias settles: probability, angle, rad, and bins of its time constant, s, which is uniform over
 #: them. Its two horizontal axes are taken as three of as much energy.
 TILT, TILT_ANGLE, TILT_BINS = 0.15, np.radians(0.01) * np.sqrt(2 / 3), (30.0, 60.0, 110.0, 190.0, 300.0)
@@ -51,6 +54,14 @@ _FIRST, _SECOND = np.array([0, 0, 0, 0, 1, 2, 3]), np.array([0, 1, 2, 3, 1, 2, 3
 def grid_frequencies(samples: int, rate_hz: float) -> Array:
     """Frequencies, Hz, on which tones are proposed, shape (f,): those of `bayes`, 1 / (8 durations) apart."""
     return np.arange(FREQUENCIES[0], min(FREQUENCIES[1], 0.4 * rate_hz), SPACING * rate_hz / samples)
+
+
+def time_constant_bins(duration: float) -> Array:
+    """Bins of a settling bias's time constant, s: those of `bayes`, and further ones where it does not reach."""
+    edges = list(TIME_CONSTANT_BINS)
+    while duration > LONGEST and edges[-1] < SLOWEST * duration:
+        edges.append(edges[-1] * WIDER)
+    return np.array(edges)
 
 
 def network_axes(samples: int, rate_hz: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -92,7 +103,7 @@ def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
         whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
     time = np.asarray((samples_at[:-1] + 0.5) / rate_hz, dtype=float)
     frequency = grid_frequencies(samples, rate_hz)
-    bins = np.array(TIME_CONSTANT_BINS)
+    bins = time_constant_bins(samples / rate_hz)
     decay = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2)) * SETTLING_RATE
     edges = np.array(TILT_BINS)
     slow_constant = np.sqrt(edges[1:] * edges[:-1])

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.amortised import Amortised, Propose, amortised
-from gyronorth.alignment.bundle import Bundle, Mismatch, RecordingFacts, mismatch, read_bundle
+from gyronorth.alignment.bundle import WINDOW_SLACK, Bundle, Mismatch, RecordingFacts, mismatch, read_bundle
 from gyronorth.alignment.diffusion import Predict, denoise, white_noise
 from gyronorth.angles import wrap_heading
+from gyronorth.conditioning import decimate
 from gyronorth.deviation import DeviationModel, read_deviation
 from gyronorth.earth import EARTH_RATE
 from gyronorth.recording import InputError
@@ -100,14 +101,10 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
 def last_window(bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float) -> NDArray[np.float64]:
     """The last window of gyro_l (..., n, 3) at `rate_hz`, averaged down to the bundle's rate: (..., samples, 3).
 
-    Where the bundle takes windows of several lengths, the longest that there is. The recording must fit
-    (`bundle.mismatch`); gyro_l stays in its unit.
+    The recording must fit (`bundle.mismatch`); gyro_l stays in its unit.
     """
-    from gyronorth.conditioning import decimate
-
     domain = bundle.info.domain
-    slow = decimate(gyro_l, rate_hz=rate_hz, to_hz=min(domain.rate_hz, rate_hz))
-    return slow[..., -(domain.longest_samples or domain.samples) :, :]
+    return decimate(gyro_l, rate_hz=rate_hz, to_hz=min(domain.rate_hz, rate_hz))[..., -domain.samples :, :]
 
 
 @dataclass(frozen=True)
@@ -120,6 +117,7 @@ class LearnedHeadings:
     high: NDArray[np.float64]
     fits: NDArray[np.bool_]  # False where the disturbance is of no kind that was learned; sigma is widened there
     found: tuple[Amortised, ...]  # what was found in each, before sigma was calibrated
+    rate_hz: float  # of the samples that they were averaged down to
 
 
 def solve(
@@ -132,8 +130,8 @@ def solve(
     bundle : LoadedBundle
         One with a proposal network, such as the `learned` one that ships.
     gyro_l : array_like, shape (n, samples, 3)
-        Angular rate in the level frame, rad/s; a rate above the bundle's is averaged down, and of what is longer
-        than its longest window the end is used.
+        Angular rate in the level frame, rad/s; a rate above the bundle's is averaged down, and what is longer
+        than its longest window further, to as many samples.
     rate_hz : float
         Sample rate, Hz.
     latitude : float
@@ -149,14 +147,15 @@ def solve(
         raise InputError(
             f"The bundle {bundle.name} holds neither proposals nor a deviation curve: none for the method learned."
         )
-    window = last_window(bundle, gyro_l, rate_hz=rate_hz)
-    if window.ndim != 3 or window.shape[1] < bundle.info.domain.samples or window.shape[2] != 3:
+    gyro_l, domain = np.asarray(gyro_l, dtype=float), bundle.info.domain
+    if gyro_l.ndim != 3 or gyro_l.shape[1] / rate_hz < domain.window * (1 - WINDOW_SLACK) or gyro_l.shape[2] != 3:
         raise InputError(
             f"gyro_l has shape {np.shape(gyro_l)} at {rate_hz:g} Hz; (n, samples, 3) with at least "
-            f"{bundle.info.domain.window:g} s is expected by {bundle.name}."
+            f"{domain.window:g} s is expected by {bundle.name}."
         )
-    slow, propose = min(bundle.info.domain.rate_hz, rate_hz), onnx_proposals(bundle.proposal)
-    found = tuple(amortised(one, propose, rate_hz=slow, latitude=latitude, errors=errors) for one in window)
+    slow, propose = min(domain.rate_at(gyro_l.shape[1] / rate_hz), rate_hz), onnx_proposals(bundle.proposal)
+    level = decimate(gyro_l, rate_hz=rate_hz, to_hz=slow)
+    found = tuple(amortised(one, propose, rate_hz=slow, latitude=latitude, errors=errors) for one in level)
     scale = bundle.info.proposal.sigma_scale
     return LearnedHeadings(
         heading=np.array([one.heading for one in found]),
@@ -165,6 +164,7 @@ def solve(
         high=np.minimum([one.high * scale for one in found], np.pi),
         fits=np.array([one.fits for one in found], dtype=bool),
         found=found,
+        rate_hz=slow,
     )
 
 

@@ -24,7 +24,7 @@ from gyronorth.cli.options import (
     with_reading,
 )
 from gyronorth.cli.progress import reading_file, working
-from gyronorth.kinds import HELD_OUT, KINDS
+from gyronorth.kinds import HELD_OUT, KINDS, SLOW
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -88,7 +88,9 @@ def simulate(
     ] = None,
     disturbance: Annotated[
         str,
-        typer.Option(metavar="KIND", help=f"{', '.join(KINDS)}; not known to any method: {', '.join(HELD_OUT)}."),
+        typer.Option(
+            metavar="KIND", help=f"{', '.join((*KINDS, *SLOW))}; not known to any method: {', '.join(HELD_OUT)}."
+        ),
     ] = "quiet",
     no_accel: Annotated[bool, typer.Option("--no-accel", help="Leave the accelerometer out.")] = False,
 ) -> None:

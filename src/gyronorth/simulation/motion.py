@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gyronorth.disturbance import drawn
 from gyronorth.earth import EARTH_RATE, normal_gravity
-from gyronorth.kinds import HELD_OUT, KINDS
+from gyronorth.kinds import HELD_OUT, KINDS, SLOW
 from gyronorth.levelling import mat_lb
 from gyronorth.recording import InputError
 
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 Disturbance = Callable[..., Array]
 
 #: Disturbances that can be named, beside "quiet".
-DISTURBANCES = tuple(kind for kind in (*KINDS, *HELD_OUT) if kind != "quiet")
+DISTURBANCES = tuple(kind for kind in (*KINDS, *SLOW, *HELD_OUT) if kind != "quiet")
 
 
 @dataclass(frozen=True)

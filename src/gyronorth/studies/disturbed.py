@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, angle_error
-from gyronorth.disturbance import HELD_OUT, KINDS, reference_set
+from gyronorth.disturbance import reference_set
 from gyronorth.evaluation import Interval, bootstrap_crmse, bootstrap_ratio, wilson
+from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.sensor import TriadErrors
 from gyronorth.studies.disturbed_methods import METHODS, WHITE, Part, part_of
 from gyronorth.studies.disturbed_paper import ROWS as ROWS_OF_PAPER
