@@ -127,4 +127,9 @@ def test_a_longer_recording_allows_for_a_slower_warm_up():
         assert 2 * duration <= edges[-1] < 2 * duration * 4 / 3
         known = law(900, 900 / duration, WHITE)
         assert known.settling.shape[1] - WALK_MODES == len(known.share)
-        assert_allclose(known.share[: len(edges) - 1].sum(), 1.0)
+        share = known.share[: len(edges) - 1]
+        assert_allclose(share.sum(), 1.0)
+        # The density of the time constant is continuous at 120 s, and bins beyond are of equal weight.
+        density, first = share / np.diff(edges), len(TIME_CONSTANT_BINS) - 1
+        assert_allclose(share[first:], share[first])
+        assert_allclose(density[first] * 40 / np.log(4 / 3) / 120, density[first - 1])

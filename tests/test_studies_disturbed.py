@@ -12,7 +12,7 @@ from gyronorth.angles import angle_error
 from gyronorth.disturbance import ReferenceSet, reference_set
 from gyronorth.earth import EARTH_RATE
 from gyronorth.levelling import level
-from gyronorth.studies import disturbed, disturbed_paper
+from gyronorth.studies import disturbed, disturbed_long, disturbed_paper
 from gyronorth.studies.disturbed_methods import METHODS, Part, part_of, periodogram
 from gyronorth.studies.study import Plan
 
@@ -139,3 +139,24 @@ def test_recordings_that_train_the_papers_networks():
     other = draw_recordings(Settings(seed=disturbed.SEED), 50, stream=2)
     for one in (test.heading, other.noisy.heading):
         assert len(np.intersect1d(one, heading)) == 0
+
+
+def test_long_recordings(monkeypatch):
+    pytest.importorskip("onnxruntime")
+    monkeypatch.setattr(disturbed_long, "KINDS", ("warmup",))
+    monkeypatch.setattr(disturbed_long, "DURATIONS", (400.0,))
+    monkeypatch.setattr(disturbed_long, "RUNS", 6)
+    monkeypatch.setattr(disturbed_long, "ROWS", 4)
+    units = disturbed_long.LONG.units(Plan())
+    assert [unit.name for unit in units] == ["long/warmup-400s/0000", "long/warmup-400s/0004"]
+    results = {unit.name: unit.function(**unit.arguments) for unit in units}
+    assert json.loads(json.dumps(results)) == results
+    (table,) = disturbed_long.LONG.report(Plan(), results).tables
+    cells = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
+    assert list(cells) == [f"400 s: {name}" for name in disturbed_long.METHODS]
+    errors = np.concatenate([unit["error_deg"]["learned"] for unit in results.values()])
+    assert cells["400 s: learned"]["recordings"] == len(errors) == 6
+    assert_allclose(cells["400 s: learned"]["CRMSE, deg"].value, np.sqrt(np.mean(errors**2)), rtol=1e-3)
+    assert cells["400 s: mean"]["ratio to the mean"].value == 1.0
+    assert cells["400 s: auto"]["CRMSE, deg"].value < 0.7 * cells["400 s: mean"]["CRMSE, deg"].value
+    assert "400 s" in disturbed_long.LONG.floor(Plan(), table)

@@ -22,6 +22,7 @@ from gyronorth.solution import (
     Data,
     Disturbance,
     Solution,
+    changes_slowly,
     disturbance,
     mean_alignment,
     prefers_inertial,
@@ -137,17 +138,18 @@ def _of_one_pose(data: Data, closed: Levelled, moved: Disturbance, mean: Solutio
     can_trace = data.accel_b is not None and data.attitude is None
     traced = solve_inertial(data, moved) if can_trace and (moved.detected or data.sensor is None) else None
     disturbed = bool(moved.detected) or (traced is not None and bool(prefers_inertial(data, moved, mean, traced)))
+    asked = moved.detected or (data.sensor is not None and changes_slowly(data))
+    modelled = _modelled(data, closed, moved) if asked else None
+    unrest = None if modelled is None else modelled.unrest
+    if modelled is not None and unrest is not None and unrest.unsteady >= UNSTEADY:
+        why = f"one pose: the bias settles or walks with probability {unrest.unsteady:.2f}"
+        return replace(modelled, why=f"{why}, which mean and inertial would take for Earth rate")
     if not disturbed:
         return Found("mean", mean, "one pose, undisturbed", moved)
     candidates = {"mean": mean}
     if traced is not None:
         candidates["inertial"] = traced
-    modelled = _modelled(data, closed, moved) if moved.detected else None
-    unrest = None if modelled is None else modelled.unrest
-    if modelled is not None and unrest is not None:
-        if unrest.unsteady >= UNSTEADY:
-            why = f"one pose, disturbed: the bias settles or walks with probability {unrest.unsteady:.2f}"
-            return replace(modelled, why=f"{why}, which mean and inertial would take for Earth rate")
+    if modelled is not None:
         candidates[modelled.method] = modelled.solution
     best = min(candidates, key=lambda name: float(candidates[name].sigma))
     sigmas = ", ".join(f"{np.degrees(float(found.sigma)):.2f} deg by {name}" for name, found in candidates.items())

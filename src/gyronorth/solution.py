@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from gyronorth.alignment.closed_form import Levelled, align_mean
 from gyronorth.alignment.inertial import align_inertial
-from gyronorth.conditioning import GATE_SIGMA, Sway, noise_density, sway
+from gyronorth.alignment.turned_law import mean_covariance
+from gyronorth.conditioning import GATE_SIGMA, Sway, block_means, noise_density, sway
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.levelling import mat_lb
 from gyronorth.sensor import Sensor, TriadErrors
@@ -39,6 +40,9 @@ MOTION_RATIO = 0.3
 #: Measured over claimed noise variance above which the profile's noise is taken not to fit:
 #: the 99.92 % point of chi-square over 16 degrees of freedom, divided by 16.
 NOISE_MISFIT = 2.5
+#: Blocks in which slow change is looked for, and what its square in units of noise exceeds in a tenth of all
+#: recordings at rest (chi-square with 3 degrees of freedom): enough to ask a method that knows such a change.
+SLOW_BLOCKS, SLOW_LIMIT = 24, 6.25
 #: Least standard deviation of a mean rate, rad/s (2e-7 deg/h): keeps a record without noise finite.
 RATE_FLOOR = 1e-12
 #: Squared discrepancy, in units of known noise, that noise alone stays below in half of all records.
@@ -141,6 +145,29 @@ def disturbance(data: Data, mean: Levelled) -> Disturbance:
         tilt=np.sqrt(square),
         tilt_limit=GATE_SIGMA * np.sqrt(own_change),
     )
+
+
+def changes_slowly(data: Data) -> bool:
+    """Whether the rate of one recording may change as a bias does that settles, beyond the profile's noise and drift.
+
+    The means of `SLOW_BLOCKS` blocks against a constant, as shapes that settle early, late, or not at all: the sum
+    of squares over the axes of each is chi-square with 3 degrees of freedom in a recording at rest.
+    """
+    assert data.sensor is not None
+    size = data.gyro_b.shape[-2] // SLOW_BLOCKS
+    if size == 0:
+        return False
+    edges = np.arange(SLOW_BLOCKS + 1) * size
+    covariance = mean_covariance(data.sensor.gyro, edges[:-1], edges[1:], rate_hz=data.rate_hz)
+    covariance += np.eye(SLOW_BLOCKS) * RATE_FLOOR**2
+    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    time = (np.arange(SLOW_BLOCKS) + 0.5) / SLOW_BLOCKS
+    shapes = whiten @ np.stack([np.ones(SLOW_BLOCKS), np.exp(-time / 0.1), np.exp(-time / 0.3), time], axis=1)
+    constant = shapes[:, 0] / np.linalg.norm(shapes[:, 0])
+    changing = shapes[:, 1:] - np.outer(constant, constant @ shapes[:, 1:])
+    changing = changing / np.linalg.norm(changing, axis=0)
+    seen = changing.T @ whiten @ block_means(data.gyro_b, size)[:SLOW_BLOCKS]
+    return bool(np.sum(seen**2, axis=1).max() > SLOW_LIMIT)
 
 
 def _trend_variance(sensor: Sensor, duration: float) -> float:

@@ -180,7 +180,7 @@ def _of_disturbed(data: Data, found: Levelled, moved: Disturbance, *, sigma: flo
         ),
         *width_gates(
             np.asarray(half),
-            variance=whole,
+            variance=total,
             noise_variance=parts["noise"],
             latitude=data.latitude,
             duration=data.duration,

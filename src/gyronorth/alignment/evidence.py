@@ -35,7 +35,7 @@ KINDS = (
     (0.08, 1.0, False, (0.8, 0.1, 0.1)),  # bumps
 )
 #: Beyond this duration, s, a bias may also settle with time constants of up to so many durations, in bins that grow
-#: by this factor. Slower ones are told from none by the slope they leave, and they cost a quiet recording nothing.
+#: by this factor, of equal weight. What is so slow shows as a slope, so that it costs a quiet recording nothing.
 LONGEST, SLOWEST, WIDER = 300.0, 2.0, 4 / 3
 #: Slow tilt where no bias settles: probability, angle, rad, and bins of its time constant, s, which is uniform over
 #: them. Its two horizontal axes are taken as three of as much energy.
@@ -62,6 +62,13 @@ def time_constant_bins(duration: float) -> Array:
     while duration > LONGEST and edges[-1] < SLOWEST * duration:
         edges.append(edges[-1] * WIDER)
     return np.array(edges)
+
+
+def _share(edges: Array) -> Array:
+    """Prior of each bin of time constants: uniform over those of `bayes`, beyond them as one over the time constant."""
+    last = TIME_CONSTANT_BINS[-1]
+    weight = np.where(edges[1:] <= last, np.diff(edges), last * np.log(edges[1:] / edges[:-1]))
+    return weight / weight.sum()
 
 
 def network_axes(samples: int, rate_hz: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -121,7 +128,7 @@ def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
         log_prior=np.log(1 / frequency / np.sum(1 / frequency)),
         constant=slow[:, 0],
         settling=slow[:, 1:],
-        share=np.concatenate([np.diff(bins) / (bins[-1] - bins[0]), np.diff(edges) / (edges[-1] - edges[0])]),
+        share=np.concatenate([_share(bins), np.diff(edges) / (edges[-1] - edges[0])]),
     )
 
 

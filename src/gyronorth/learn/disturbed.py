@@ -277,8 +277,10 @@ sensor's noise the noise is scaled up and `fits` is false: the disturbance is of
 
 A tilt of a hundredth of a degree that takes minutes turns the unit by less than its gyro's noise: the gyro alone cannot
 see most of it, and the interval covers it less often than it says. An accelerometer sees it; use `inertial` there.
-Not for a unit that drives or is carried; not where tones lie outside 0.008-0.3 Hz; a bias that settles more
-slowly than 120 s is taken for a walk from switch-on. White noise alone is estimated best by the mean.
+Not for a unit that drives or is carried; not where tones lie outside 0.008-0.3 Hz. In up to {longest:g} s a bias that
+settles more slowly than 120 s is taken for a walk from switch-on, and the interval is too narrow; a longer recording is
+averaged down to as many samples, and its bias may take up to twice its duration. White noise alone is estimated best by
+the mean.
 """
 
 

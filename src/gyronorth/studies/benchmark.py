@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gyronorth.recording import InputError
 from gyronorth.studies.disturbed import DISTURBED
+from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
 from gyronorth.studies.paper_table_2 import TABLE_2
@@ -33,6 +34,7 @@ STUDIES: tuple[Study, ...] = (
     *VARIANTS,
     TURNED,
     DISTURBED,
+    LONG,
 )
 
 

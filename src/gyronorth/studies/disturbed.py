@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.angles import DEG_PER_HOUR, angle_error
+from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.disturbance import reference_set
 from gyronorth.evaluation import Interval, bootstrap_crmse, bootstrap_ratio, wilson
 from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.sensor import TriadErrors
-from gyronorth.studies.disturbed_methods import METHODS, WHITE, Part, part_of
+from gyronorth.studies.disturbed_methods import METHODS, WHITE, Part, judged, part_of
 from gyronorth.studies.disturbed_paper import ROWS as ROWS_OF_PAPER
 from gyronorth.studies.disturbed_paper import TRAINED, WINDOW, judge_unit, training_units
 from gyronorth.studies.floors import floor_deg
-from gyronorth.studies.methods import as_rad, rounded
+from gyronorth.studies.methods import as_rad
 from gyronorth.studies.study import Plan, Study
 from gyronorth.studies.tables import Report, Table, degrees
 from gyronorth.studies.work import Result, Unit
@@ -53,14 +53,7 @@ def judge(
 ) -> Result:
     """Errors, deg, of some methods on some recordings of a case, and whether their intervals hold."""
     part = part_of(kind=kind, duration=duration, bias_deg_h=bias_deg_h, runs=runs, rows=(rows[0], rows[1]), seed=seed)
-    errors, inside = {}, {}
-    for name in methods:
-        found = METHODS[name](part)
-        off = angle_error(part.made.heading[part.rows], found.heading)
-        errors[name] = rounded(off)
-        if found.low is not None and found.high is not None:
-            inside[name] = ((off >= found.low) & (off <= found.high)).tolist()
-    return {"error_deg": errors, "inside": inside}
+    return judged(part, {name: METHODS[name] for name in methods})
 
 
 def cost(*, seed: int) -> Result:
@@ -123,15 +116,19 @@ def _rows(gathered: dict[str, dict], rng: np.random.Generator) -> tuple[tuple, .
     }
     rows = []
     for name, error in errors.items():
-        ratios = (_ratio(error, errors.get(reference), rng) for reference in REFERENCES)
-        inside = gathered["inside"].get(name)
-        covered = None if inside is None else wilson(float(np.mean(inside)), len(inside))
+        ratios = (ratio_to(error, errors.get(reference), rng) for reference in REFERENCES)
         crmse = degrees(bootstrap_crmse(error, np.arange(len(error)), rng=rng))
-        rows.append((name, len(error), crmse, *ratios, covered))
+        rows.append((name, len(error), crmse, *ratios, share_inside(gathered["inside"].get(name))))
     return tuple(rows)
 
 
-def _ratio(error: Array, reference: Array | None, rng: np.random.Generator) -> Interval | None:
+def share_inside(inside: list[bool] | None) -> Interval | None:
+    """Share of the truths that lie in their intervals; None where the method states none."""
+    return None if inside is None else wilson(float(np.mean(inside)), len(inside))
+
+
+def ratio_to(error: Array, reference: Array | None, rng: np.random.Generator) -> Interval | None:
+    """CRMSE over that of a reference, on the recordings that both saw."""
     if reference is None:
         return None
     both = min(len(error), len(reference))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -14,10 +14,11 @@ from gyronorth.alignment.bayes import TIME_CONSTANT_BINS, bayes
 from gyronorth.alignment.bundle import shipped_bundle
 from gyronorth.alignment.evidence import grid_frequencies
 from gyronorth.alignment.inertial import align_inertial
-from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, wrap
+from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
 from gyronorth.disturbance import ReferenceSet, draw_disturbance, reference_set
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.sensor import TriadErrors, read_sensor
+from gyronorth.studies.methods import rounded
 from gyronorth.uncertainty import von_mises
 
 if TYPE_CHECKING:
@@ -75,6 +76,18 @@ class Found:
     heading: Array
     low: Array | None = None
     high: Array | None = None
+
+
+def judged(part: Part, methods: Mapping[str, Callable[[Part], Found]]) -> dict[str, dict]:
+    """Errors, deg, of some methods, and whether their intervals hold, by name."""
+    errors, inside = {}, {}
+    for name, method in methods.items():
+        found = method(part)
+        off = angle_error(part.made.heading[part.rows], found.heading)
+        errors[name] = rounded(off)
+        if found.low is not None and found.high is not None:
+            inside[name] = ((off >= found.low) & (off <= found.high)).tolist()
+    return {"error_deg": errors, "inside": inside}
 
 
 def part_of(*, kind: str, duration: float, bias_deg_h: float, runs: int, rows: tuple[int, int], seed: int) -> Part:
