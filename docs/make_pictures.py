@@ -24,11 +24,12 @@ from gyronorth.allan import identify
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
 from gyronorth.calibration import calibrate
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.kinds import KINDS
 from gyronorth.planning import plan
 from gyronorth.readers.axes import mat_bf
 from gyronorth.report.figures import BLUE, COLOURS, FAINT, GREEN, GRID, INK, PINK, RED, SETTINGS, svg_text
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.simulation import DISTURBANCES, Motion
+from gyronorth.simulation import Motion
 from gyronorth.solution import Data, disturbance, mean_alignment, solve_mean
 
 ROOT = Path(__file__).parents[1]
@@ -295,11 +296,10 @@ def allan_deviation_read() -> Figure:
 
 
 def kinds_of_disturbance() -> Figure:
-    """The rate about the x axis under each disturbance that `simulate` knows."""
+    """The rate about the x axis under each disturbance that `learned` was trained on."""
     figure = Figure(figsize=(7.2, 3.9), layout="constrained")
-    kinds = ("quiet", *(kind for kind in DISTURBANCES if kind not in ("square", "ramp", "beat")))
     panels = figure.subplots(2, 3, sharex=True).ravel()
-    for panel, kind in zip(panels, kinds, strict=True):
+    for panel, kind in zip(panels, KINDS, strict=True):
         recording = gn.simulate(
             "sdc500", latitude=LATITUDE, heading=radians(40), duration=100, rate_hz=3, rng=np.random.default_rng(12),
             motion=Motion(disturbance=kind),
