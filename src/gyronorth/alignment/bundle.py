@@ -17,6 +17,8 @@ from gyronorth.recording import InputError
 SCHEMA = "gyronorth.bundle/1"
 #: A recording longer than the window by less than this part still fits (rounding of durations), s.
 WINDOW_SLACK = 1e-6
+#: Rates to which longer recordings are averaged down, within a factor of two.
+RATE_STEPS = 4
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -32,7 +34,7 @@ class Domain(Strict):
 
     rate_hz: Positive  # rate of the network's input, Hz; a faster recording is decimated to it
     samples: Annotated[int, Field(gt=0)]  # length of the window in samples; the shortest one if there are several
-    #: The longest window, where any length between will do; what is longer is averaged down to as many samples.
+    #: The longest window, where any length between will do; what is longer is averaged down to no more samples.
     longest_samples: Annotated[int, Field(gt=0)] | None = None
     latitude_deg: float | None = None
     latitude_tolerance_deg: Positive = 2.0
@@ -48,8 +50,14 @@ class Domain(Strict):
         return self.samples / self.rate_hz
 
     def rate_at(self, duration: float) -> float:
-        """Rate, Hz, to which a recording of `duration` s is averaged down."""
-        return self.rate_hz if self.longest_samples is None else min(self.rate_hz, self.longest_samples / duration)
+        """Rate, Hz, to which a recording of `duration` s is averaged down: the bundle's, or less in steps of 2^(1/4).
+
+        The steps keep the rate, and what is worked out for it once, while a recording grows.
+        """
+        if self.longest_samples is None:
+            return self.rate_hz
+        steps = np.ceil(RATE_STEPS * np.log2(duration * self.rate_hz / self.longest_samples) - 1e-6)
+        return float(self.rate_hz * 2.0 ** (-max(steps, 0) / RATE_STEPS))
 
 
 class DenoiserPart(Strict):

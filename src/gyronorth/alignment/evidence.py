@@ -44,6 +44,8 @@ TILT, TILT_ANGLE, TILT_BINS = 0.15, np.radians(0.01) * np.sqrt(2 / 3), (30.0, 60
 #: Karhunen-Loeve modes are taken: its slow part, 97 % of its variance.
 WALK, WALK_RATE, WALK_MODES = 0.02, 3 * DEG_PER_HOUR, 6
 
+#: Samples by which the noise law is worked out.
+BLOCK = 300
 TILTS = len(TILT_BINS) - 1
 
 #: The entries of the symmetric 4 x 4 matrix of the constant and the three axes that are needed:
@@ -100,15 +102,25 @@ class Law:
 
 
 @lru_cache(maxsize=16)
+def _whitener(blocks: int, rate_hz: float, errors: TriadErrors) -> Array:
+    """What whitens the first `blocks` times 300 samples: a matrix, or its diagonal for white noise alone.
+
+    Of fewer samples it is the first rows and columns: what comes later does not change their covariance, so that a
+    recording that grows by a sample costs no new factorisation.
+    """
+    edges = np.arange(BLOCK * blocks + 1)
+    covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    if np.count_nonzero(covariance) == BLOCK * blocks:
+        return np.asarray(1 / np.sqrt(np.diag(covariance)), dtype=float)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
+
+
+@lru_cache(maxsize=16)
 def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
     """The law for recordings of one length of one sensor."""
-    samples_at = np.arange(samples + 1)
-    covariance = mean_covariance(errors, samples_at[:-1], samples_at[1:], rate_hz=rate_hz)
-    if np.count_nonzero(covariance) == samples:
-        whiten = np.asarray(1 / np.sqrt(np.diag(covariance)), dtype=float)
-    else:
-        whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
-    time = np.asarray((samples_at[:-1] + 0.5) / rate_hz, dtype=float)
+    whiten = _whitener(-(-samples // BLOCK), rate_hz, errors)
+    whiten = whiten[:samples] if whiten.ndim == 1 else whiten[:samples, :samples]
+    time = (np.arange(samples) + 0.5) / rate_hz
     frequency = grid_frequencies(samples, rate_hz)
     bins = time_constant_bins(samples / rate_hz)
     decay = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2)) * SETTLING_RATE

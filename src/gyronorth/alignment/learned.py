@@ -131,7 +131,7 @@ def solve(
         One with a proposal network, such as the `learned` one that ships.
     gyro_l : array_like, shape (n, samples, 3)
         Angular rate in the level frame, rad/s; a rate above the bundle's is averaged down, and what is longer
-        than its longest window further, to as many samples.
+        than its longest window further, to no more samples.
     rate_hz : float
         Sample rate, Hz.
     latitude : float

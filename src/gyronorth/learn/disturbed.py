@@ -279,8 +279,8 @@ A tilt of a hundredth of a degree that takes minutes turns the unit by less than
 see most of it, and the interval covers it less often than it says. An accelerometer sees it; use `inertial` there.
 Not for a unit that drives or is carried; not where tones lie outside 0.008-0.3 Hz. In up to {longest:g} s a bias that
 settles more slowly than 120 s is taken for a walk from switch-on, and the interval is too narrow; a longer recording is
-averaged down to as many samples, and its bias may take up to twice its duration. White noise alone is estimated best by
-the mean.
+averaged down to no more samples, and its bias may take up to twice its duration. White noise alone is estimated best
+by the mean.
 """
 
 

@@ -110,7 +110,7 @@ TEXT = (
     "The recordings are those of the study above, of the gyro alone, but longer than the 300 s that the network of "
     "`learned` was trained on, and with `soak` beside the other kinds: a bias of 2 deg/h (one standard deviation, per "
     "axis) that settles with a time constant of 2 to 20 min, log-uniform. `learned` averages a longer recording down "
-    "to the 900 samples that it has of 300 s, and allows for time constants of up to twice the duration; `learned, "
+    "to no more samples than it has of 300 s, and allows for time constants of up to twice the duration; `learned, "
     "last 300 s` leaves out the rest. `auto` is what `gyronorth heading` takes by itself. The time constants were "
     "extended after the slow warm-up had been seen to fail without, on other recordings: to the design it is no "
     "surprise."
