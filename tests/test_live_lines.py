@@ -44,7 +44,7 @@ def read_all(data: bytes, *cuts: int, **options) -> tuple[LineReader, list[bytes
     batches = []
     for start, end in zip([0, *cuts], [*cuts, len(data)], strict=True):
         batches += reader.push(data[start:end])
-    reader.end()
+    batches += reader.end()
     for batch in batches:
         assert batch.form == reader.form
         expected = [[float(field) for field in line.split(b",")] for line in batch.rows.lines]

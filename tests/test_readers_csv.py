@@ -355,17 +355,3 @@ def test_a_packed_file_is_refused_with_the_tool_that_unpacks_it(tmp_path, pack, 
     path.write_bytes(pack(csv_file(tmp_path, csv_rows(300)).read_bytes()))
     with pytest.raises(InputError, match=rf"rec.csv is packed. Unpack it first: {tool} rec.csv"):
         read(path)
-
-
-def test_a_last_row_without_line_end_is_not_trusted(tmp_path):
-    rows = "".join(f"{i / 10},1e-5,2e-5,3e-5\n" for i in range(50))
-    path = tmp_path / "cut.csv"
-    path.write_text("t,w_x,w_y,w_z\n" + rows)
-    whole = read(path, axes="frd", gyro_unit="rad/s")
-    path.write_text("t,w_x,w_y,w_z\n" + rows + "5.0,1e-5,2e-5,3e-")
-    with pytest.raises(InputError, match="'3e-'"):
-        read(path, axes="frd", gyro_unit="rad/s")
-    path.write_text("t,w_x,w_y,w_z\n" + rows + "5.0,1e-5,2e-5,3e-0")
-    found = read(path, axes="frd", gyro_unit="rad/s")
-    assert np.array_equal(found.gyro_b, whole.gyro_b)
-    assert [note.code for note in found.notes] == ["cut_off"]

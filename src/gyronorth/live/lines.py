@@ -114,10 +114,12 @@ class LineReader:
             data = data.replace(b"\r\n", b"\n")
         return self._batches(data) if data else []
 
-    def end(self) -> None:
-        """Nothing more comes: what is left of a line may be cut off, and a row alone says nothing."""
-        self.cut()
+    def end(self) -> list[Batch]:
+        """The last line, which may have no end."""
+        rest, self._rest = self._rest, b""
+        batches = self._batches(rest + b"\n") if rest.strip() else []
         self._drop_unsure()
+        return batches
 
     def cut(self) -> None:
         """The connection broke: what is left of a line is no line."""

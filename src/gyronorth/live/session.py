@@ -174,7 +174,7 @@ class Session:
                     self._trouble = why
                     self._broken = True
                 case Ended():
-                    self._reader.end()
+                    self._batches(self._reader.end())
                     self._end_of_source()
                 case Command("start"):
                     self._finish_stretch()

@@ -150,7 +150,7 @@ class Reading:
                     self.progress(block.share)
                 if block.cut_off:
                     message = (
-                        f"{self.source.name} ends without a line end: its last line may be cut off, and is left out."
+                        f"{self.source.name} ends in the middle of a line, which is left out: the recorder was killed."
                     )
                     self.length_notes = (Note("cut_off", message),)
                 yield self.regulariser.push(block)

@@ -60,7 +60,7 @@ class Block:
     rows: NDArray[np.int64]  # (m,) row numbers as the user counts them
     bad: Bad  # rows between these that do not hold the right number of numbers
     share: float = 0.0  # of the file that is read with this block; 0 where it cannot be told
-    cut_off: bool = False  # the file ends without a line end; the last line is left out
+    cut_off: bool = False  # the file of a live recording ends in the middle of a line, which is left out
 
 
 @dataclass(frozen=True)

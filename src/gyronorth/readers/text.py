@@ -90,7 +90,7 @@ class Layout:
     use: tuple[int, ...]  # positions of the fields that are read, in the order of the block's columns
     delimiter: str | None  # None: any white space
     trailing: bool = False  # rows end in a delimiter with nothing behind it
-    mark: bytes | None = None  # of a live recording: lines that begin so are no rows
+    mark: bytes | None = None  # of a live recording: lines that begin so are no rows, and the last may be cut off
 
 
 def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[Block]:
@@ -111,8 +111,11 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
                     f"{path.name} has a line of more than {LONGEST_LINE} characters after row {last}: it is damaged."
                 )
             cut_off = False
+            if end and layout.mark is not None:
+                whole = data.rfind(b"\n") + 1
+                cut_off, data = len(data) > whole, data[:whole]
             if end:
-                data, cut_off = _ended(data, layout)
+                data = data.rstrip()  # blank lines at the end are no rows
             if data or cut_off:
                 data = data.replace(b"\r\n", b"\n")
                 block = parse_block(data, row + 1, layout)
@@ -120,22 +123,6 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
                 row += data.count(b"\n")
             if end:
                 return
-
-
-def _ended(data: bytes, layout: Layout) -> tuple[bytes, bool]:
-    """The end of a file without blank lines, and whether a last line without an end was taken off.
-
-    The last number of such a line may lack its last digits, so that a row that looks whole is none. What is
-    no row anyway stays, to be complained of; but in a live recording it is what a killed recorder leaves.
-    """
-    whole = data.rstrip()
-    start = whole.rfind(b"\n") + 1
-    last = whole[start:]
-    if not last or b"\n" in data[len(whole) :] or (layout.trailing and last.endswith(str(layout.delimiter).encode())):
-        return whole, False
-    if layout.mark is None and isinstance(_parse_row(last, layout), str):
-        return whole, False
-    return whole[:start].rstrip(), True
 
 
 def text_parts(path: Path, offset: int, row: int, layout: Layout) -> Parts:
