@@ -17,6 +17,7 @@ from gyronorth.pipeline import convergence, heading, heading_batch
 from gyronorth.recording import InputError, Note, Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.simulation import Motion, simulate, simulate_batch
+from gyronorth.solution import Data, changes_slowly
 
 LATITUDE = np.radians(32.11)
 IDEAL = Sensor("ideal", TriadErrors())
@@ -418,6 +419,18 @@ def test_auto_is_not_deceived_by_a_long_recording_that_warms_up(kind, duration):
     found, off = long_ones(kind, duration, 20)
     assert np.sum(off**2) < 45.3
     assert {one.method for one in found} >= {"learned"}
+
+
+@pytest.mark.parametrize("name", ["isa100c", "stim300"])
+def test_slow_change_is_asked_about_and_seldom_where_there_is_none(name):
+    rng, sensor = np.random.default_rng(8), read_sensor(name)
+    gyro, _ = simulate_batch(sensor, runs=300, latitude=0.56, heading=1.0, duration=100, rate_hz=3, rng=rng)
+    asked = np.mean([changes_slowly(Data(one, None, 3.0, 0.56, sensor)) for one in gyro])
+    # Each of three shapes is beyond its limit with 0.1: one to three in ten; of 300 runs known to 0.02.
+    assert 0.1 - 0.05 < asked < 0.3 + 0.05
+    # Eight standard deviations of the noise of the mean, from the first sample to the last.
+    slope = 8 * sensor.gyro.white / np.sqrt(100) * np.linspace(-1, 1, 300)[:, None] * [1, 1, 1]
+    assert np.mean([changes_slowly(Data(one + slope, None, 3.0, 0.56, sensor)) for one in gyro]) > 0.95
 
 
 @pytest.mark.slow

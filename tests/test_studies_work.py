@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from study_units import dying, dying_once, failing, logged, slow, square, total
@@ -22,6 +23,15 @@ from gyronorth.studies.work import Unit, data_sha256, executor_on, run_units
 def pool():
     with ThreadPoolExecutor(2) as executor:
         yield executor
+
+
+def ends_with(error: Exception):
+    """A method that raises."""
+
+    def method(*arguments, **named):
+        raise error
+
+    return method
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -155,7 +165,8 @@ def test_what_dask_loses_is_told_or_computed_again(tmp_path, monkeypatch):
             future._state.lose()
         return result
 
-    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None)
+    # In this process: a worker of its own that dies may be on its way back when the cluster is closed.
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
     with cluster, executor_on(cluster.scheduler_address) as executor:
         with monkeypatch.context() as patch:
             patch.setattr(distributed.Client, "_gather", fetched_then_lost)
@@ -163,8 +174,11 @@ def test_what_dask_loses_is_told_or_computed_again(tmp_path, monkeypatch):
         assert results == {"a": {"square": 9}}
         with pytest.raises(RuntimeError, match="unit 1 failed"):
             run_units([Unit("b", failing, {"value": 1})], tmp_path, executor, command="")
-        with pytest.raises(InputError, match="workers were lost before"):
-            run_units([Unit("c", dying, {"value": 1})], tmp_path, executor, command="")
+        given_up = distributed.KilledWorker("c", SimpleNamespace(address="tcp://127.0.0.1:1"), 3)
+        with monkeypatch.context() as patch:
+            patch.setattr(distributed.Future, "result", ends_with(given_up))
+            with pytest.raises(InputError, match="workers were lost before"):
+                run_units([Unit("c", square, {"value": 1})], tmp_path, executor, command="")
     assert list(files_of(tmp_path)) == ["units/a.json"]
 
 
@@ -181,6 +195,8 @@ def test_dask_gives_the_same_files_and_a_killed_worker_loses_nothing(tmp_path):
     cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
     with cluster, executor_on(cluster.scheduler_address) as executor:
         run_units(units(str(mark)), tmp_path / "dask", executor, command="c")
+        with distributed.Client(cluster) as client:
+            client.wait_for_workers(2, timeout=60)  # a worker that is on its way back cannot be closed
     assert mark.exists()  # a worker did die
     with ThreadPoolExecutor(1) as executor:
         run_units(units(str(mark)), tmp_path / "local", executor, command="c")

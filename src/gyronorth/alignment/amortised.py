@@ -81,7 +81,7 @@ def amortised(
     Parameters
     ----------
     gyro_l : array_like, shape (n, 3)
-        Angular rate in the level frame, rad/s, at about 3 Hz (each sample a mean); 30-300 s.
+        Angular rate in the level frame, rad/s, each sample a mean: 90 to 900, at 3 Hz or less.
     propose : callable
         The network, or anything else that proposes.
     rate_hz : float

@@ -88,7 +88,7 @@ class Request:
 def heading(
     source: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help="A recording, or a folder of recordings.")],
     sensor: SensorName = None,
-    method: Annotated[Method, typer.Option(help="auto takes the one whose own sigma is smallest.")] = Method.auto,
+    method: Annotated[Method, typer.Option(help="auto takes what fits the recording.")] = Method.auto,
     as_json: Json = False,
     csv: Annotated[
         Path | None, typer.Option(metavar="OUT.csv", help="Write a table, one row per file.", rich_help_panel=OUTPUT)

@@ -43,7 +43,7 @@ def live(
         ),
     ],
     sensor: SensorName = None,
-    method: Annotated[Method, typer.Option(help="auto takes the one whose own sigma is smallest.")] = Method.auto,
+    method: Annotated[Method, typer.Option(help="auto takes what fits the recording.")] = Method.auto,
     gyro_bias: GyroBias = None,
     deviation: Deviation = None,
     any_session: AnySession = False,

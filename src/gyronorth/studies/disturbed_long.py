@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,13 +31,8 @@ TRAINED = 300.0
 
 def by_last_part(part: Part) -> Found:
     """`learned` on the last 300 s alone."""
-    from gyronorth.alignment.bundle import shipped_bundle
-    from gyronorth.alignment.learned import load_bundle, solve
-
     count = round(TRAINED * part.made.rate_hz)
-    known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
-    found = solve(load_bundle(shipped_bundle("learned")), part.gyro[:, -count:], **known)
-    return Found(found.heading, found.low, found.high)
+    return by_learned(replace(part, made=replace(part.made, gyro_b=part.made.gyro_b[:, -count:])))
 
 
 def by_auto(part: Part) -> Found:
