@@ -7,9 +7,9 @@ from typing import Any
 
 from benchmarks.comparison import Comparison
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from gyronorth.disturbance import reference_set
 from gyronorth.pipeline import heading_batch
 from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.simulation.disturbance import reference_set
 
 #: CPU seconds that are promised, and timed rounds.
 PROMISED = {"mean": (0.2, 7), "learned": (60.0, 1)}

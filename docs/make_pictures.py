@@ -23,8 +23,8 @@ import gyronorth as gn
 from gyronorth.allan import identify
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
 from gyronorth.calibration import calibrate
+from gyronorth.catalogue import KINDS
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
-from gyronorth.kinds import KINDS
 from gyronorth.planning import plan
 from gyronorth.readers.axes import mat_bf
 from gyronorth.report.figures import BLUE, COLOURS, FAINT, GREEN, GRID, INK, PINK, RED, SETTINGS, svg_text

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error
 from gyronorth.calibration import calibrate
 from gyronorth.deviation import ANY_SESSION, read_deviation
+from gyronorth.errors import InputError
 from gyronorth.pipeline import heading
-from gyronorth.recording import InputError
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.simulation import simulate
 

@@ -17,7 +17,8 @@ from gyronorth.conditioning import (
     sway,
 )
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError, Recording
+from gyronorth.errors import InputError
+from gyronorth.recording import Recording
 from gyronorth.simulation import Motion, simulate
 
 

@@ -20,7 +20,7 @@ from gyronorth.deviation import (
     read_deviation,
 )
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 FAST = DeviationPrior(log2_draws=5)
 LATITUDE = np.radians(32.11)

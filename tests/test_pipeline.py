@@ -11,12 +11,13 @@ from numpy.testing import assert_allclose
 
 import gyronorth as gn
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error
-from gyronorth.disturbance import reference_set
 from gyronorth.earth import EARTH_RATE
+from gyronorth.errors import InputError
 from gyronorth.pipeline import convergence, heading, heading_batch
-from gyronorth.recording import InputError, Note, Recording
+from gyronorth.recording import Note, Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.simulation import Motion, simulate, simulate_batch
+from gyronorth.simulation.disturbance import reference_set
 from gyronorth.solution import Data, changes_slowly
 
 LATITUDE = np.radians(32.11)

@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE
+from gyronorth.errors import InputError
 from gyronorth.pipeline import heading
 from gyronorth.planning import LONGEST, NEAR_ENOUGH, plan
-from gyronorth.recording import InputError
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.simulation import simulate
 

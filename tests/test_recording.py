@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from gyronorth.recording import Gap, InputError, Note, Recording, clip_gaps, gap_notes, shift_utc
+from gyronorth.errors import InputError
+from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 
 def ramp(samples: int = 100, rate_hz: float = 10.0, **facts) -> Recording:

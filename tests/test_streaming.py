@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gyronorth import streaming
-from gyronorth.alignment.rotation_vectors import rotation
 from gyronorth.angles import angle_error
+from gyronorth.attitude import rotation
 from gyronorth.deviation import fit_deviation
 from gyronorth.earth import EARTH_RATE
+from gyronorth.errors import InputError
 from gyronorth.pipeline import METHODS, heading
 from gyronorth.readers import read
-from gyronorth.recording import InputError, Recording
+from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.simulation import Motion, simulate
 from gyronorth.streaming import MOST_POSES, MOST_ROWS, TRACE_POINTS, WAITING, StreamingHeading, _merged

@@ -13,7 +13,7 @@ from scipy import stats
 from gyronorth import twin as twin_module
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 from gyronorth.twin import (
     DURATION,
     LATITUDE,

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gyronorth.allan import allan_deviation as allan_deviation
+    from gyronorth.errors import InputError as InputError
     from gyronorth.pipeline import heading as heading
     from gyronorth.pipeline import heading_batch as heading_batch
     from gyronorth.readers import read as read
-    from gyronorth.recording import InputError as InputError
     from gyronorth.recording import Recording as Recording
     from gyronorth.sensor import read_sensor as read_sensor
     from gyronorth.simulation import simulate as simulate

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyronorth.alignment.closed_form import align_mean
 from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.arrays import Array
 from gyronorth.deviation import FEWEST, DeviationModel, fit_deviation, rate_surplus
+from gyronorth.errors import InputError
 from gyronorth.pipeline import LATITUDE_CONFLICT
-from gyronorth.recording import InputError, Recording
-
-Array = NDArray[np.float64]
+from gyronorth.recording import Recording
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ from gyronorth.alignment.turned_segments import Segments
 from gyronorth.angles import angle_error
 from gyronorth.conclusion import Found
 from gyronorth.deviation import DeviationModel
+from gyronorth.errors import InputError
 from gyronorth.estimate import Unrest
-from gyronorth.recording import InputError
+from gyronorth.findings import Finding
 from gyronorth.solution import (
     Data,
     Disturbance,
@@ -41,7 +42,6 @@ from gyronorth.specialists import (
     solve_turned,
     with_deviation,
 )
-from gyronorth.validity import Finding
 
 if TYPE_CHECKING:
     from gyronorth.alignment.learned import LoadedBundle

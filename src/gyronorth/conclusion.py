@@ -11,9 +11,10 @@ from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import longest_hold, still_segments
 from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import HeadingBatch, HeadingEstimate, Pose, Turn, Unrest
+from gyronorth.findings import Finding
 from gyronorth.recording import Recording, shift_utc
 from gyronorth.solution import Data, Disturbance, Solution, saturation_gates
-from gyronorth.validity import FEWEST_SAMPLES, SHORTEST, Finding, Gate, implied_latitude
+from gyronorth.validity import FEWEST_SAMPLES, SHORTEST, Gate, implied_latitude
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import Gap, InputError, Recording
-
-Array = NDArray[np.float64]
+from gyronorth.errors import InputError
+from gyronorth.recording import Gap, Recording
 
 #: Two-sided 99.9 % point of the normal law: the confidence of every gate.
 GATE_SIGMA = 3.29

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.angles import angle_error, wrap_heading
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 SCHEMA = "gyronorth.deviation/1"
 #: Session of a model that its user applies to any recording of the unit.

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.validity import Finding
-
-Array = NDArray[np.float64]
+from gyronorth.arrays import Array
+from gyronorth.findings import Finding
 
 #: Parts of sigma that the JSON always names, null where the method or the lack of a profile leaves them unknown.
 PARTS = ("noise", "drift", "turn_on_bias", "levelling")

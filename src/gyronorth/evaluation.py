@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.angles import cyclic_rmse, wrap
-
-Index = NDArray[np.int64]
+from gyronorth.arrays import Index
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gyronorth.arrays import Array
 from gyronorth.choice import TRAINED, bundle_of, deviated, find
 from gyronorth.conclusion import Found, as_batch, estimate_of
 from gyronorth.conditioning import decimated
 from gyronorth.deviation import DeviationModel
+from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate
-from gyronorth.recording import InputError, Recording
+from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.solution import (
     Data,
@@ -28,8 +30,6 @@ from gyronorth.solution import (
 )
 from gyronorth.specialists import BAYES_LONGEST, BAYES_RATE, BAYES_SHORTEST, bayes_fits
 from gyronorth.validity import length_gate
-
-Array = NDArray[np.float64]
 
 #: Methods that `heading` offers.
 METHODS = ("auto", "mean", "inertial", "turned", "bayes", *TRAINED)

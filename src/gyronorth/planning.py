@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.turned_plan import turned_sigma
-from gyronorth.recording import InputError
+from gyronorth.arrays import Array
+from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.uncertainty import heading_sigma_parts, von_mises
 from gyronorth.validity import WIDEST_HALF_WIDTH
 
-Array = NDArray[np.float64]
 Method = Literal["mean", "inertial"]
 
 #: Times that are considered at all, s: one second to one day.

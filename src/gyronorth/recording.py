@@ -9,16 +9,11 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gyronorth.errors import InputError as InputError
+
 #: Sample rates outside these bounds, Hz, are taken for a mistake (milliseconds for seconds, a damaged field).
 SLOWEST_RATE_HZ = 1e-3
 FASTEST_RATE_HZ = 1e6
-
-
-class InputError(ValueError):
-    """Bad input from the user: one clear message, exit code 2.
-
-    The message says what came in, what was expected, the likely cause and the cure.
-    """
 
 
 @dataclass(frozen=True)

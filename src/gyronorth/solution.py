@@ -9,15 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyronorth.alignment.closed_form import Levelled, align_mean
 from gyronorth.alignment.inertial import align_inertial
-from gyronorth.alignment.turned_law import mean_covariance
+from gyronorth.arrays import Array, Mask
+from gyronorth.attitude import mat_lb
 from gyronorth.conditioning import GATE_SIGMA, Sway, block_means, noise_density, sway
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
-from gyronorth.levelling import mat_lb
 from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.sensor.law import mean_covariance
 from gyronorth.uncertainty import (
     NORMAL_975,
     SIGMA_UNKNOWN,
@@ -30,9 +30,6 @@ from gyronorth.uncertainty import (
     von_mises,
 )
 from gyronorth.validity import Gate, motion_gate, rate_gates, saturation_gate, width_gates
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: Inertial variance over the mean's noise below which the gyro's noise is motion: at rest it is
 #: at least 1.2, and its estimate on 16 degrees of freedom is below a quarter of that in 1e-4.

@@ -11,25 +11,25 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyronorth.alignment.closed_form import Levelled
 from gyronorth.alignment.turned_segments import Segments, find_segments
+from gyronorth.arrays import Array
+from gyronorth.attitude import mat_lb
 from gyronorth.conditioning import decimate
 from gyronorth.deviation import DeviationModel, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import Pose, Turn, Unrest
-from gyronorth.levelling import mat_lb
+from gyronorth.findings import Finding
 from gyronorth.solution import Data, Disturbance, Solution, claimed_parts, solve_mean
 from gyronorth.uncertainty import NORMAL_975, SIGMA_UNKNOWN, von_mises
-from gyronorth.validity import Finding, Gate, rate_gates, width_gates
+from gyronorth.validity import Gate, rate_gates, width_gates
 
 if TYPE_CHECKING:
     from gyronorth.alignment.bundle import Mismatch
     from gyronorth.alignment.learned import LoadedBundle
     from gyronorth.alignment.turned import TurnedFit
 
-Array = NDArray[np.float64]
 
 #: Rate, Hz, at which `bayes` works, and the durations, s, that its grid of tones is made for.
 BAYES_RATE, BAYES_SHORTEST, BAYES_LONGEST = 3.0, 30.0, 300.0

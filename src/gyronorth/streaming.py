@@ -15,22 +15,23 @@ from itertools import repeat
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gyronorth.alignment.rotation import from_rotation_vector, multiply
 from gyronorth.alignment.turned_segments import CHUNK
+from gyronorth.arrays import Array
+from gyronorth.attitude import from_rotation_vector, multiply
 from gyronorth.conditioning import block_means
 from gyronorth.deviation import DeviationModel
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
+from gyronorth.errors import InputError
 from gyronorth.estimate import HeadingEstimate
+from gyronorth.findings import Finding
 from gyronorth.pipeline import heading
-from gyronorth.recording import InputError, Recording
+from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.solution import Data, saturation_gates
 from gyronorth.specialists import BAYES_LONGEST, BAYES_RATE
-from gyronorth.validity import FEWEST_SAMPLES, SHORTEST, Finding
-
-Array = NDArray[np.float64]
+from gyronorth.validity import FEWEST_SAMPLES, SHORTEST
 
 #: Rows that the store holds at most, and with them the work of one estimate and the memory.
 MOST_ROWS = 24_000

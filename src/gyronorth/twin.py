@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, angle_error, cyclic_rmse, wrap_heading
+from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError, Note, Recording
-
-Array = NDArray[np.float64]
+from gyronorth.errors import InputError
+from gyronorth.recording import Note, Recording
 
 #: Latitude of the published recordings, rad: the paper, section IV-A.
 LATITUDE = radians(32.11)

@@ -11,12 +11,12 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.sensor import Sensor, TriadErrors, flicker_components
 
-Array = NDArray[np.float64]
 #: How samples are weighted: "mean" evenly, "slope" as the slope of a straight line through
 #: the integral (parabola, for rates), "ramp" as the slope of a line through the samples.
 Weighting = Literal["mean", "slope", "ramp"]

@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array, Mask
 from gyronorth.conditioning import GATE_SIGMA
 from gyronorth.earth import EARTH_RATE
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from gyronorth.findings import Finding
 
 #: An interval wider than this to either side cannot tell north from south, rad.
 WIDEST_HALF_WIDTH = np.pi / 2
@@ -32,16 +30,6 @@ INERTIAL_EXCURSION = np.radians(45.0)
 FEWEST_SAMPLES, SHORTEST = 16, 2.0
 #: Share of the sensor's range at which an output counts as saturated.
 SATURATION_SHARE = 0.999
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A reason for refusal, or a warning."""
-
-    code: str  # one of DESIGN's codes, e.g. "rate_norm"
-    message: str  # for people, with units
-    value: float | None = None  # what was measured
-    limit: float | None = None  # what it was held against
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.errors import InputError
 from gyronorth.readers import describe, parse_columns, read, read_chunks
-from gyronorth.recording import InputError, Recording
+from gyronorth.recording import Recording
 
 STIM300 = {
     "variable": "data",

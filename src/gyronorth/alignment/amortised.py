@@ -22,11 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.alignment.bayes import UNKNOWN_BIAS, white_of
 from gyronorth.alignment.evidence import TILTS, Columns, Evidence, Law, columns, evidence, law, network_axes
 from gyronorth.angles import wrap_heading
+from gyronorth.arrays import Array, Mask
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 #: From rates in units of noise less their median (n, 3), sample numbers from the middle (n,) and
 #: frequencies in cycles a sample (f,): log odds of a bump (n,) and log weights of tones (f,).

@@ -21,13 +21,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.turned_law import mean_covariance
 from gyronorth.angles import DEG_PER_HOUR, wrap, wrap_heading
+from gyronorth.arrays import Array, Index
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from gyronorth.sensor.law import mean_covariance
 
 #: Tones: lowest and highest frequency, Hz, and spacing x duration: 0.00125 Hz at 100 s.
 FREQUENCIES, SPACING = (0.008, 0.3), 0.125

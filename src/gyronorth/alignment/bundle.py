@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gyronorth.alignment.diffusion import Normalisation, Sampler, Schedule
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 SCHEMA = "gyronorth.bundle/1"
 #: A recording longer than the window by less than this part still fits (rounding of durations), s.

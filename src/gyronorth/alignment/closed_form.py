@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gyronorth.angles import wrap_heading
-from gyronorth.levelling import level, mat_lb
-
-Array = NDArray[np.float64]
+from gyronorth.arrays import Array
+from gyronorth.attitude import level, mat_lb
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.alignment.bayes import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
-from gyronorth.alignment.turned_law import mean_covariance
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array, Mask
 from gyronorth.sensor import TriadErrors
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from gyronorth.sensor.law import mean_covariance
 
 #: Kinds of recording: prior probability, probability of a bump in it, whether its bias settles, and
 #: probabilities of no, one and two tones.

@@ -8,15 +8,13 @@ between: sway drops out of the rate and stays only as a disturbance of the speci
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyronorth.alignment.closed_form import Levelled
-from gyronorth.alignment.rotation import attitude_path, conjugate, from_rotation_vector, rotate
 from gyronorth.angles import circular_mean
+from gyronorth.arrays import Array
+from gyronorth.attitude import attitude_path, conjugate, from_rotation_vector, rotate
 from gyronorth.conditioning import HARMONICS, block_means, slope_variance
 from gyronorth.earth import EARTH_RATE, earth_rate_n
-
-Array = NDArray[np.float64]
 
 #: Specific force is averaged to about this rate before the fit, Hz.
 FIT_RATE = 4.0

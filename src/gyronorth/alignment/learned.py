@@ -16,7 +16,7 @@ from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimate
 from gyronorth.deviation import DeviationModel, read_deviation
 from gyronorth.earth import EARTH_RATE
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 from gyronorth.sensor import TriadErrors
 from gyronorth.uncertainty import SIGMA_UNKNOWN
 

@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gyronorth.alignment.rotation_vectors import rotation
 from gyronorth.alignment.turned_law import (
     COLUMNS,
     Linear,
@@ -23,19 +22,18 @@ from gyronorth.alignment.turned_law import (
     attitudes,
     heading_gradient,
     linearise,
-    mean_covariance,
     posterior,
     prior,
     regular,
 )
 from gyronorth.alignment.turned_segments import Blocks, Segments, Turn, blocks_per_stretch, cut, find_segments
 from gyronorth.angles import DEG_PER_HOUR, wrap_heading
+from gyronorth.arrays import Array
+from gyronorth.attitude import level, mat_bn, rotation
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
-from gyronorth.levelling import level, mat_bn
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, TriadErrors
-
-Array = NDArray[np.float64]
+from gyronorth.sensor.law import mean_covariance
 
 #: Least standard deviation of a mean rate, rad/s: a sensor without errors stays finite.
 RATE_FLOOR = 1e-12

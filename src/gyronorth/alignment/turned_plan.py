@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.alignment.rotation_vectors import mean_rotation, rotation
 from gyronorth.alignment.turned_law import (
     SPIN,
     State,
     attitudes,
     heading_gradient,
     linearise,
-    mean_covariance,
     posterior,
     prior,
     regular,
 )
 from gyronorth.alignment.turned_segments import BLOCK_ANGLE, Blocks, blocks_per_stretch
+from gyronorth.attitude import mat_bn, mean_rotation, rotation
 from gyronorth.earth import earth_rate_n
-from gyronorth.levelling import mat_bn
 from gyronorth.sensor import Sensor
+from gyronorth.sensor.law import mean_covariance
 
 
 def turned_sigma(

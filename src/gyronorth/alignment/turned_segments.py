@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.alignment.rotation import attitude_path, conjugate, multiply, rotate
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array
+from gyronorth.attitude import attitude_path, conjugate, multiply, rotate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
-
-Array = NDArray[np.float64]
 
 DEG = np.pi / 180
 #: Motion is looked for in means over this time, s.

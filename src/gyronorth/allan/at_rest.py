@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from tempfile import TemporaryFile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gyronorth.arrays import Array
 from gyronorth.recording import Gap, Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from pathlib import PurePath
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyronorth.allan.at_rest import AtRest, at_rest
 from gyronorth.allan.deviation import AllanDeviation, allan_variance, check_samples, default_multiples, with_bounds
@@ -20,12 +19,12 @@ from gyronorth.allan.identification import (
     identify_variance,
 )
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.arrays import Array
+from gyronorth.attitude import level, mat_lb
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY, normal_gravity
-from gyronorth.levelling import level, mat_lb
-from gyronorth.recording import InputError, Recording
+from gyronorth.errors import InputError
+from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, TriadErrors
-
-Array = NDArray[np.float64]
 
 #: Student's 97.5 % points for 1 and 2 degrees of freedom over the normal law's.
 STUDENT1, STUDENT2 = 12.7062 / 1.959964, 4.302653 / 1.959964

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gyronorth.recording import InputError
-
-Array = NDArray[np.float64]
+from gyronorth.arrays import Array
+from gyronorth.errors import InputError
 
 #: Samples per chunk: the angle, its first and its second difference stay in a 2 MB cache.
 CHUNK = 32768

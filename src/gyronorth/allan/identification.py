@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gyronorth.allan.deviation import allan_variance, check_samples, chi_square_point, degrees_of_freedom, octaves
-from gyronorth.recording import InputError
+from gyronorth.arrays import Array
+from gyronorth.errors import InputError
 from gyronorth.sensor import TriadErrors, flicker_components
 
-Array = NDArray[np.float64]
 Status = Literal["identified", "upper bound", "not identified"]
 
 #: Shortest record, s and samples, of which terms are identified.

@@ -39,7 +39,7 @@ class Commands(TyperGroup):
 
 def _user_error(error: Exception) -> str | None:
     """The message of an error the user can cure, None for a fault of ours."""
-    from gyronorth.recording import InputError
+    from gyronorth.errors import InputError
 
     if hasattr(error, "format_message"):  # usage errors of click, wherever this version of typer keeps them
         context = getattr(error, "ctx", None)

@@ -33,7 +33,7 @@ def calibrate(
     """
     from gyronorth import calibration, readers
     from gyronorth.deviation import FEWEST
-    from gyronorth.recording import InputError
+    from gyronorth.errors import InputError
     from gyronorth.report.calibrations import print_calibration
 
     check_outputs({"-o": (output, (".json",))})

@@ -45,7 +45,7 @@ def curve_and_method(
 ) -> tuple[DeviationModel | None, Method]:
     """The curve asked for, where it may be applied, and the method it corrects."""
     from gyronorth.deviation import ANY_SESSION, read_deviation
-    from gyronorth.recording import InputError
+    from gyronorth.errors import InputError
 
     if path is None:
         if any_session:
@@ -74,7 +74,7 @@ def curve_and_method(
 def check_bias(model: Path) -> None:
     """Refuse a known bias where a bundle brings a deviation curve."""
     from gyronorth.alignment.bundle import read_bundle
-    from gyronorth.recording import InputError
+    from gyronorth.errors import InputError
 
     if read_bundle(model).deviation is not None:
         raise InputError(

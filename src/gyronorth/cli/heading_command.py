@@ -125,8 +125,8 @@ def heading(
     Exit code 0: a valid heading. 2: bad input. 3: no valid heading; the reasons are printed.
     For a folder: 2 if any file could not be read, else 3 if any heading is not valid, else 0.
     """
+    from gyronorth.errors import InputError
     from gyronorth.readers import is_bag_folder
-    from gyronorth.recording import InputError
 
     if as_json and nmea:
         raise InputError("--json and --nmea both print to standard output; give one of them.")
@@ -214,8 +214,8 @@ def _along_time(estimate: HeadingEstimate) -> str:
 
 def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) -> int:
     """Every recording of a folder: one row each, an unreadable file with its error."""
+    from gyronorth.errors import InputError
     from gyronorth.readers import recordings_in
-    from gyronorth.recording import InputError
     from gyronorth.report.tables import Outcome, write_csv
 
     outcomes: list[Outcome] = []

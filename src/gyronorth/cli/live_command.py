@@ -116,11 +116,11 @@ def live(
     Ends with the source where there is no page, else when it is interrupted (Ctrl-C). Exit code 0: the last
     heading is valid. 2: bad input. 3: it is not; the reasons are printed.
     """
+    from gyronorth.errors import InputError
     from gyronorth.live import nmea_out as nmea
     from gyronorth.live.recorder import check_place
     from gyronorth.live.session import Session, Settings
     from gyronorth.live.sources import open_source
-    from gyronorth.recording import InputError
     from gyronorth.sensor import read_sensor
 
     if save is not None:
@@ -146,9 +146,9 @@ def _page(session: Session, *, host: str, port: int, token: str | None) -> Any:
     import errno
     import socket
 
+    from gyronorth.errors import InputError
     from gyronorth.live.access import check_access
     from gyronorth.live.binding import bound_socket
-    from gyronorth.recording import InputError
 
     check_access(host, token)
     try:
@@ -223,7 +223,7 @@ def _print(session: Session) -> None:
 def _end(session: Session, *, as_json: bool) -> int:
     """The last word: the heading as `gyronorth heading` prints it."""
     from gyronorth.cli.heading_command import REFUSED, VALID
-    from gyronorth.recording import InputError
+    from gyronorth.errors import InputError
     from gyronorth.report.tables import Outcome
     from gyronorth.report.terminal import print_heading
 

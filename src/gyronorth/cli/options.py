@@ -102,8 +102,8 @@ def window(text: str) -> tuple[float, float]:
 
 def columns(text: str) -> dict[str, str]:
     """Our column names mapped to those of the file: t=time,w_x=gx,..."""
+    from gyronorth.errors import InputError
     from gyronorth.readers import parse_columns
-    from gyronorth.recording import InputError
 
     try:
         return parse_columns(text)
@@ -284,8 +284,8 @@ def with_reading(
 
 def _read_options(values: dict[str, Any]) -> ReadOptions:
     """The declarations about a file; a bad one is named as the option it came from."""
+    from gyronorth.errors import InputError
     from gyronorth.readers import ReadOptions
-    from gyronorth.recording import InputError
 
     given = {name: value for name, value in values.items() if value is not None}
     fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
@@ -307,7 +307,7 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
     source : Path, optional
         The recording that is read.
     """
-    from gyronorth.recording import InputError
+    from gyronorth.errors import InputError
 
     taken = {} if source is None else {source.resolve(): "the recording that is read"}
     for option, (path, suffixes) in outputs.items():

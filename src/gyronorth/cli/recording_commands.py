@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gyronorth.catalogue import HELD_OUT, KINDS, SLOW
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
@@ -24,7 +25,6 @@ from gyronorth.cli.options import (
     with_reading,
 )
 from gyronorth.cli.progress import reading_file, working
-from gyronorth.kinds import HELD_OUT, KINDS, SLOW
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions

@@ -40,9 +40,8 @@ class PlannedMethod(StrEnum):
 @app.command()
 def sensors(as_json: Json = False) -> None:
     """List the built-in sensor profiles with their figures and where these come from."""
-    from gyronorth import profiles
     from gyronorth.report.sensors import print_sensors
-    from gyronorth.sensor import read_sensor
+    from gyronorth.sensor import profiles, read_sensor
 
     if as_json:
         print_json([json.loads(profiles.builtin_text(name)) for name in profiles.names()])

@@ -40,7 +40,7 @@ def train(
     reading: ReadOptions,
 ) -> None:
     """Train the paper's two stages on your own recordings and export a bundle for `heading --model`."""
-    from gyronorth.recording import InputError
+    from gyronorth.errors import InputError
 
     if find_spec("torch") is None:
         raise InputError("Training needs PyTorch, which is not installed: pip install 'gyronorth[train]'.")

@@ -26,10 +26,10 @@ from gyronorth.alignment.bundle import Bundle, Domain, ProposalPart, checksum
 from gyronorth.alignment.evidence import network_axes
 from gyronorth.alignment.learned import load_bundle, solve
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, cyclic_rmse
-from gyronorth.disturbance import DEG, DISTRIBUTIONS, Draw, reference_set
 from gyronorth.learn.proposal import Proposal
 from gyronorth.learn.training import Progress, Task, fit, torch_threads
 from gyronorth.sensor import TriadErrors
+from gyronorth.simulation.disturbance import DEG, DISTRIBUTIONS, Draw, reference_set
 
 Array = NDArray[np.float64]
 
@@ -214,7 +214,7 @@ def make_bundle(
         metrics={"epochs": float(progress.epoch), "validation_loss": progress.best},
         provenance={
             "torch": torch.__version__,
-            "data": "synthetic: gyronorth.disturbance, drawn afresh for each batch",
+            "data": "synthetic: gyronorth.simulation.disturbance, drawn afresh for each batch",
         },
     )
     (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")

@@ -18,14 +18,14 @@ import torch
 from numpy.typing import NDArray
 
 from gyronorth.alignment.diffusion import Normalisation
-from gyronorth.disturbance import reference_set
+from gyronorth.attitude import mat_bn
 from gyronorth.earth import earth_rate_n
 from gyronorth.learn.data import HeadingSet, synthetic_set
 from gyronorth.learn.denoiser import Denoiser, predictor
 from gyronorth.learn.settings import Settings
 from gyronorth.learn.stages import TrainedDenoiser, fitted, new_denoiser, train_denoiser
 from gyronorth.learn.training import Task, decay
-from gyronorth.levelling import mat_bn
+from gyronorth.simulation.disturbance import reference_set
 
 Array = NDArray[np.float64]
 Kind = Literal["white", "disturbance", "pairs"]

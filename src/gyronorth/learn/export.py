@@ -16,11 +16,11 @@ from torch import nn
 from gyronorth.alignment.bundle import Bundle, DenoiserPart, DeviationPart, Domain, HeadingPart, checksum
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.deviation import DeviationModel, fit_deviation, rate_surplus
+from gyronorth.errors import InputError
 from gyronorth.learn.data import TrainingData, noise_deg_s
 from gyronorth.learn.regressor import precise
 from gyronorth.learn.settings import Settings
 from gyronorth.learn.stages import TrainedDenoiser, TrainedHeading
-from gyronorth.recording import InputError
 
 
 def export_bundle(

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Literal
 
 from gyronorth.alignment.bundle import Bundle
+from gyronorth.errors import InputError
 from gyronorth.learn.data import TrainingData
 from gyronorth.learn.export import check_export, export_bundle
 from gyronorth.learn.settings import Settings, read_settings, write_settings
 from gyronorth.learn.stages import Run, denoiser_data, train_denoiser, train_heading
 from gyronorth.learn.training import write_atomically
-from gyronorth.recording import InputError
 
 
 def run_training(

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from gyronorth.alignment.bundle import Positive, Strict
 from gyronorth.alignment.diffusion import Sampler, Schedule
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 Layout = Literal["temporal", "flattened", "across_batch"]
 Count = Annotated[int, Field(ge=1)]

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 
 @dataclass(frozen=True)

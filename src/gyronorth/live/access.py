@@ -14,7 +14,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 COOKIE = "gyronorth_live"
 _REFUSED = (

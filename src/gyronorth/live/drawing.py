@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE
 from gyronorth.live.estimation import Found
 from gyronorth.live.status import Status
 from gyronorth.report.dial import on_circle, sector_path
 from gyronorth.report.wording import heading_text, interval_text
-
-Array = NDArray[np.float64]
 
 #: Size of a chart in its own units, and the place of its axes.
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 480.0, 220.0, 62.0, 8.0, 12.0, 30.0

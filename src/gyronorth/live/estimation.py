@@ -10,15 +10,13 @@ from importlib.util import find_spec
 from threading import Condition, Thread
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gyronorth import pipeline
+from gyronorth.arrays import Array
+from gyronorth.errors import InputError
 from gyronorth.estimate import HeadingEstimate
-from gyronorth.recording import InputError
 from gyronorth.simulation import Motion, simulate
 from gyronorth.streaming import StreamingHeading
-
-Array = NDArray[np.float64]
 
 #: Estimates are this far apart, s, and take at most this share of one core.
 INTERVAL, SHARE = 1.0, 0.1

@@ -17,11 +17,11 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.delimited import COMMENT
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
 from gyronorth.readers.text import LONGEST_LINE, Layout, parse_block
-from gyronorth.recording import InputError
 
 #: The columns of a source without a header, by its number of fields.
 BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}

@@ -14,11 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from threading import Event, Thread
 
+from gyronorth.errors import InputError
+from gyronorth.findings import Finding
 from gyronorth.live.binding import bound_socket
 from gyronorth.live.status import Status
-from gyronorth.recording import InputError
 from gyronorth.report.nmea import no_heading, sentences
-from gyronorth.validity import Finding
 
 #: Bytes that may wait for a slow listener; it is dropped beyond.
 PATIENCE = 64_000

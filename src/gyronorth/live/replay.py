@@ -6,11 +6,11 @@ import time
 from pathlib import Path
 from threading import Event
 
+from gyronorth.errors import InputError
 from gyronorth.live.lines import Form, LineReader
 from gyronorth.live.sources import CHUNK, Connected, Data, Emit, Ended
 from gyronorth.readers.delimited import stated_facts
 from gyronorth.readers.options import ReadOptions
-from gyronorth.recording import InputError
 
 #: Lines are handed over so often, s.
 STEP = 0.05

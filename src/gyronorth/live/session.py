@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event, Thread
 
-import numpy as np
-from numpy.typing import NDArray
-
+from gyronorth.arrays import Array
 from gyronorth.deviation import DeviationModel
+from gyronorth.errors import InputError
+from gyronorth.findings import Finding
 from gyronorth.live.estimation import Estimation, Found
 from gyronorth.live.lines import Batch, Form, LineReader, Rows
 from gyronorth.live.recorder import Recorder, utc_now
@@ -22,12 +22,8 @@ from gyronorth.live.timeline import Timeline
 from gyronorth.readers.delimited import stated_facts
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Facts
-from gyronorth.recording import InputError
 from gyronorth.sensor import Sensor
 from gyronorth.streaming import StreamingHeading
-from gyronorth.validity import Finding
-
-Array = NDArray[np.float64]
 
 #: Bytes are taken together for so long, s.
 BATCH = 0.05

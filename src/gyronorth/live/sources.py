@@ -16,9 +16,9 @@ from pathlib import Path
 from threading import Event
 from typing import Protocol
 
+from gyronorth.errors import InputError
 from gyronorth.live.binding import bound_socket
 from gyronorth.readers.options import ReadOptions
-from gyronorth.recording import InputError
 
 #: Waits between attempts to connect, s: the first, and the longest.
 FIRST_WAIT, LONGEST_WAIT = 0.25, 5.0

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gyronorth.estimate import HeadingEstimate
+from gyronorth.findings import Finding
 from gyronorth.live.estimation import Found
-from gyronorth.validity import Finding
 
 #: waiting: no row has come yet. ended: the source has nothing more.
 State = Literal["waiting", "running", "stopped", "ended", "failed"]

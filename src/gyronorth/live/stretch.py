@@ -9,6 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.arrays import Array
+from gyronorth.errors import InputError
+from gyronorth.findings import Finding
 from gyronorth.live.lines import Form, Rows
 from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import resolve
@@ -16,10 +19,6 @@ from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_units
 from gyronorth.readers.regularise import LARGEST_FORCE, LARGEST_RATE, MOST_MISSING, Regulariser
 from gyronorth.readers.source import Bad, Block, Clock, Facts, Source
-from gyronorth.recording import InputError
-from gyronorth.validity import Finding
-
-Array = NDArray[np.float64]
 
 #: Time stamps are looked at for so long, s, before the first sample: with a declared rate, and to measure it.
 LOOK_DECLARED, LOOK_MEASURE = 1.0, 10.0

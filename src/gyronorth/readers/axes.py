@@ -7,8 +7,8 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.levelling import mat_bn
-from gyronorth.recording import InputError
+from gyronorth.attitude import mat_bn
+from gyronorth.errors import InputError
 
 #: Each letter of a convention: (index of the body axis it lies along, sign).
 _LETTERS = {"f": (0, 1), "b": (0, -1), "r": (1, 1), "l": (1, -1), "d": (2, 1), "u": (2, -1)}

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.axes import convention, mat_bf, mat_vb
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import FORCES, RATES, TIME, Source
-from gyronorth.recording import InputError
 
 #: Largest relative difference between a declared rate and the one that the file states.
 RATE_STATED_TOLERANCE = 1e-3

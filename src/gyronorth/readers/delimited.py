@@ -16,11 +16,11 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
+from gyronorth.errors import InputError
 from gyronorth.readers.facts import SIGNATURE, is_number, read_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
-from gyronorth.recording import InputError
 
 #: What a live recording states of itself: its last line may be cut off, and marks stand between its rows.
 LIVE_FORMAT = "gyronorth.live/1"

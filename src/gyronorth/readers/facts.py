@@ -6,10 +6,11 @@ import re
 from collections.abc import Callable, Mapping
 from decimal import Decimal, localcontext
 
+from gyronorth.errors import InputError
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
 from gyronorth.readers.source import Facts
-from gyronorth.recording import Gap, InputError, shift_utc
+from gyronorth.recording import Gap, shift_utc
 
 #: Key and value that say that `write` made the file: units, axes and rate are SI and stated.
 SIGNATURE = ("format", "gyronorth.recording/1")

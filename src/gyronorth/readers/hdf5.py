@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.library import damage_told, library
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Bad, Block, Clock, Parts, Source
-from gyronorth.recording import InputError
 
 #: Where the signature may stand: at the start, or behind a block of the user's (MATLAB's text).
 SIGNATURE_OFFSETS = (0, 512, 1024, 2048)

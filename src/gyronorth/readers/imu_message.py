@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 #: Name of the message, as ROS 1 and as ROS 2 write it.
 IMU_TYPES = ("sensor_msgs/Imu", "sensor_msgs/msg/Imu")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 
 def library(module: str, file: str, format: str) -> Any:

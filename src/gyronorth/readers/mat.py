@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.hdf5 import is_hdf5, open_hdf5
 from gyronorth.readers.mat5 import MatError, Variable, is_level5, matrix, variables
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.source import NAMES, TIME, Bad, Block, Clock, Facts, Source
-from gyronorth.recording import InputError
 
 #: Largest file and largest array read, bytes: an 8 h recording at 200 Hz with 16 columns has 0.7e9.
 LARGEST = 1 << 30

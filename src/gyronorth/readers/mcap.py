@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from gyronorth.errors import InputError
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
 from gyronorth.readers.library import damage_told, library
@@ -19,7 +20,6 @@ from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
 from gyronorth.readers.source import Source
-from gyronorth.recording import InputError
 
 _CURE = "If it was recorded until power was lost: mcap recover IN.mcap -o OUT.mcap"
 _MAGIC = b"\x89MCAP0\r\n"

@@ -12,10 +12,10 @@ import re
 from functools import partial
 from pathlib import Path
 
+from gyronorth.errors import InputError
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
-from gyronorth.recording import InputError
 
 _TIME_FINE, _COUNTER = "SampleTimeFine", "PacketCounter"
 _ALIASES = (

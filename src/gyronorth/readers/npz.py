@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.source import FORCES, RATES, Bad, Block, Facts, Source
-from gyronorth.recording import Gap, InputError
+from gyronorth.recording import Gap
 
 SCHEMA = "gyronorth.recording/1"
 #: Largest array read, bytes.

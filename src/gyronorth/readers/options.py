@@ -10,9 +10,10 @@ import numpy as np
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.errors import InputError
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
-from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
+from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ
 
 #: rad/s in one unit of angular rate.
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": float(np.radians(1.0)), "deg/h": DEG_PER_HOUR}

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.library import damage_told, library
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Bad, Block, Clock, Parts, Source
-from gyronorth.recording import InputError
 
 #: Rows per block that is read, and per row group that is written.
 BLOCK_ROWS, GROUP_ROWS = 1 << 14, 1 << 17

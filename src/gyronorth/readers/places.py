@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.reading import Reading, RecordingInfo, options_of
 from gyronorth.readers.regularise import Regulariser
 from gyronorth.readers.source import TIME, Block, Source
-from gyronorth.recording import Gap, InputError, Note
+from gyronorth.recording import Gap, Note
 
 #: Places that are read, and how many different ones there must be.
 PLACES, FEWEST = 16, 8

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.errors import InputError
 from gyronorth.readers.axes import convention, mat_bf
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
-from gyronorth.recording import InputError, Note
+from gyronorth.recording import Note
 
 #: A mean rate within this fraction of Earth rate tells that a unit is right.
 NEAR_EARTH_RATE = 0.25

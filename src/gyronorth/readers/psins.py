@@ -16,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from gyronorth.errors import InputError
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FORCES, RATES, Block, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
-from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ, InputError
+from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ
 
 _ARCSEC = math.pi / 180 / 3600
 _TITLES = ("gx", "gy", "gz", "ax", "ay", "az")

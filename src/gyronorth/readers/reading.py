@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import Declared, resolve
 from gyronorth.readers.options import ReadOptions
@@ -17,7 +18,7 @@ from gyronorth.readers.plausible import check_axes, check_units
 from gyronorth.readers.registry import open_source
 from gyronorth.readers.regularise import JITTER, Regulariser
 from gyronorth.readers.source import Source
-from gyronorth.recording import Gap, InputError, Note, Recording, clip_gaps, gap_notes, shift_utc
+from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Called with the share of the file that is read, as the reading goes on.
 Progress = Callable[[float], None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from gyronorth.errors import InputError
 from gyronorth.readers.delimited import open_csv
 from gyronorth.readers.hdf5 import SIGNATURE as HDF5_SIGNATURE
 from gyronorth.readers.hdf5 import open_hdf5
@@ -17,7 +18,6 @@ from gyronorth.readers.parquet import open_parquet
 from gyronorth.readers.psins import open_psins
 from gyronorth.readers.rosbag import METADATA, is_bag_folder, open_rosbag1, open_rosbag2
 from gyronorth.readers.source import Source
-from gyronorth.recording import InputError
 
 #: Every format by name: what opens it.
 FORMATS: dict[str, Callable[[Path, ReadOptions], Source]] = {

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.clock import Ticks, measure
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import DESCRIBED, Block, Source
-from gyronorth.recording import Gap, InputError
+from gyronorth.recording import Gap
 
 #: Largest plausible angular rate, rad/s (2005 deg/s, the range of the fastest gyros), and specific force, m/s^2.
 LARGEST_RATE = 35.0

@@ -15,11 +15,12 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.facts import write_facts
 from gyronorth.readers.imu_message import ImuBlock, decode, encode
 from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block, Clock, Facts, Parts, Source
-from gyronorth.recording import InputError, Note, ns_from_utc, utc_from_ns
+from gyronorth.recording import Note, ns_from_utc, utc_from_ns
 
 #: Messages decoded at a time, and looked at in one place.
 BLOCK_MESSAGES, PLACE_MESSAGES = 1 << 14, 1 << 10

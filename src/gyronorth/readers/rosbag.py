@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from gyronorth.errors import InputError
 from gyronorth.readers.facts import read_facts
 from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
 from gyronorth.readers.library import damage_told, library
@@ -23,7 +24,6 @@ from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
 from gyronorth.readers.source import Facts, Source
-from gyronorth.recording import InputError
 
 #: What tells a folder that is a recording of ROS 2.
 METADATA = "metadata.yaml"

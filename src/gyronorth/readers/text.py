@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
-from gyronorth.recording import InputError
 
 #: Bytes read at a time: about 15,000 rows of six values.
 BLOCK_BYTES = 1 << 20

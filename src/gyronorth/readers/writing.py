@@ -10,6 +10,7 @@ from tempfile import TemporaryFile
 
 import numpy as np
 
+from gyronorth.errors import InputError
 from gyronorth.readers.hdf5 import write_hdf5
 from gyronorth.readers.mcap import write_mcap
 from gyronorth.readers.npz import write_npz
@@ -17,7 +18,7 @@ from gyronorth.readers.outgoing import Outgoing
 from gyronorth.readers.parquet import write_parquet
 from gyronorth.readers.rosbag import write_rosbag1
 from gyronorth.readers.source import FORCES, RATES, TIME
-from gyronorth.recording import InputError, Recording
+from gyronorth.recording import Recording
 
 
 def write(recording: Recording, path: str | Path) -> None:

@@ -8,17 +8,18 @@ misalignment and g-sensitivity are drawn anew for each.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gyronorth.angles import wrap_heading
-from gyronorth.recording import InputError, Recording
+from gyronorth.arrays import Array
+from gyronorth.errors import InputError
+from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.simulation.motion import DISTURBANCES, Motion, true_motion
 from gyronorth.simulation.noise import Law, draw, sensor_errors
 
 __all__ = ["DISTURBANCES", "Motion", "sensor_errors", "simulate", "simulate_batch"]
 
-Array = NDArray[np.float64]
 # Values of one triad that are worked on at once: 32 MB, so that temporaries stay small beside the result.
 _CHUNK = 4_000_000
 

@@ -13,15 +13,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gyronorth.disturbance import drawn
+from gyronorth.arrays import Array
+from gyronorth.attitude import mat_lb
+from gyronorth.catalogue import HELD_OUT, KINDS, SLOW
 from gyronorth.earth import EARTH_RATE, normal_gravity
-from gyronorth.kinds import HELD_OUT, KINDS, SLOW
-from gyronorth.levelling import mat_lb
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
+from gyronorth.simulation.disturbance import drawn
 
-Array = NDArray[np.float64]
 #: disturbance(times, runs=..., rng=...) -> rotation vector from the undisturbed body to the body at
 #: the given times (k,), s, in undisturbed body axes, rad, shape (runs, k, 3) or (1, k, 3).
 Disturbance = Callable[..., Array]

@@ -20,9 +20,9 @@ from itertools import pairwise
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from gyronorth.arrays import Array
 from gyronorth.sensor import TriadErrors, flicker_components
 
 #: A process is interpolated between knots no further apart than its time constant over this.
@@ -33,8 +33,6 @@ BRIDGE_SHARE = 0.01
 _LONGEST_STRIDE = 256
 # Values per block of work: 256 kB, so that a block stays in the second-level cache.
 _BLOCK = 32768
-
-Array = NDArray[np.float64]
 
 
 def sensor_errors(errors: TriadErrors, shape: tuple[int, int], rate_hz: float, *, rng: np.random.Generator) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_cost import COST

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.disturbance import reference_set
+from gyronorth.catalogue import HELD_OUT, KINDS
 from gyronorth.evaluation import Interval, bootstrap_crmse, bootstrap_ratio, wilson
-from gyronorth.kinds import HELD_OUT, KINDS
 from gyronorth.sensor import TriadErrors
+from gyronorth.simulation.disturbance import reference_set
 from gyronorth.studies.disturbed_methods import METHODS, WHITE, Part, judged, part_of
 from gyronorth.studies.disturbed_paper import ROWS as ROWS_OF_PAPER
 from gyronorth.studies.disturbed_paper import TRAINED, WINDOW, judge_unit, training_units

@@ -15,9 +15,9 @@ from gyronorth.alignment.bundle import shipped_bundle
 from gyronorth.alignment.evidence import grid_frequencies
 from gyronorth.alignment.inertial import align_inertial
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
-from gyronorth.disturbance import ReferenceSet, draw_disturbance, reference_set
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.sensor import TriadErrors, read_sensor
+from gyronorth.simulation.disturbance import ReferenceSet, draw_disturbance, reference_set
 from gyronorth.studies.methods import rounded
 from gyronorth.uncertainty import von_mises
 

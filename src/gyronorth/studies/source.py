@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 from gyronorth.twin import Twin, published_twin
 
 #: Rate of the studies, Hz: the paper's, from 600 Hz by averages of 200 samples, which keep the mean.
@@ -41,8 +41,8 @@ def public_recordings(folder: str) -> Twin:
     InputError
         If there are no such files, or one has no reference heading.
     """
+    from gyronorth.attitude import level, mat_lb
     from gyronorth.conditioning import decimated
-    from gyronorth.levelling import level, mat_lb
     from gyronorth.readers import read
 
     paths = sorted(Path(folder).rglob("x_*.csv"))

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 from gyronorth.studies.source import described, recordings_of
 from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Result, Unit, commit, data_sha256, write_json

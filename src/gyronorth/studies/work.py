@@ -31,7 +31,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gyronorth.recording import InputError
+from gyronorth.errors import InputError
 
 if TYPE_CHECKING:
     import distributed

@@ -1,0 +1,166 @@
+"""Attitude: levelling, rotation matrices and vectors, quaternions along time.
+
+The level frame l is the navigation frame turned by the heading about the vertical: its x
+axis is the body x axis laid level, its z axis points down. T_n^b of the paper (eq:2) is
+`mat_bn`; `mat_lb` undoes pitch and roll only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gyronorth.arrays import Array
+
+
+def level(accel_b: ArrayLike) -> tuple[Array, Array]:
+    """Roll and pitch, rad, of a body at rest from its mean specific force.
+
+    Parameters
+    ----------
+    accel_b : array_like, shape (..., 3)
+        Mean specific force in the body frame, m/s^2: (0, 0, -g) when level.
+
+    Returns
+    -------
+    roll, pitch : ndarray, shape (...)
+        Roll in [-pi, pi], pitch in [-pi/2, pi/2], rad.
+
+    Notes
+    -----
+    roll = atan2(-f_y, -f_z), pitch = atan2(f_x, sqrt(f_y^2 + f_z^2)) (Groves 2013, eq. 5.101).
+    """
+    accel_b = np.asarray(accel_b, dtype=float)
+    f_x, f_y, f_z = np.moveaxis(accel_b, -1, 0)
+    return np.arctan2(-f_y, -f_z), np.arctan2(f_x, np.hypot(f_y, f_z))
+
+
+def mat_lb(roll: ArrayLike, pitch: ArrayLike) -> Array:
+    """Rotation from the body frame to the level frame, shape (..., 3, 3)."""
+    return np.swapaxes(mat_bn(roll, pitch, np.zeros_like(np.asarray(roll, dtype=float))), -1, -2)
+
+
+def mat_bn(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
+    """Rotation from the navigation to the body frame, shape (..., 3, 3) (the paper's eq:2)."""
+    roll, pitch, heading = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (roll, pitch, heading)))
+    sr, cr, sp, cp, sh, ch = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.sin(heading), np.cos(heading)
+    rows = [
+        [cp * ch, cp * sh, -sp],
+        [sr * sp * ch - cr * sh, sr * sp * sh + cr * ch, sr * cp],
+        [cr * sp * ch + sr * sh, cr * sp * sh - sr * ch, cr * cp],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def cross_matrix(vector: ArrayLike) -> Array:
+    """[v x], shape (..., 3, 3): cross_matrix(v) @ u = v x u."""
+    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation(vector: ArrayLike) -> Array:
+    """Rotation matrix of a rotation vector, rad, shape (..., 3) -> (..., 3, 3) (Rodrigues)."""
+    vector = np.asarray(vector, dtype=float)
+    size = np.linalg.norm(vector, axis=-1)[..., None, None]
+    cross = cross_matrix(vector)
+    return np.eye(3) + np.sinc(size / np.pi) * cross + np.sinc(size / (2 * np.pi)) ** 2 / 2 * (cross @ cross)
+
+
+def rotation_vector(mat: ArrayLike) -> Array:
+    """Rotation vector, rad, length below pi, of rotation matrices, shape (..., 3, 3) -> (..., 3)."""
+    mat = np.asarray(mat, dtype=float)
+    twice_sine_axis = np.stack(
+        [mat[..., 2, 1] - mat[..., 1, 2], mat[..., 0, 2] - mat[..., 2, 0], mat[..., 1, 0] - mat[..., 0, 1]], axis=-1
+    )
+    cosine = (np.trace(mat, axis1=-2, axis2=-1) - 1) / 2
+    sine = np.linalg.norm(twice_sine_axis, axis=-1) / 2
+    angle = np.arctan2(sine, cosine)
+    return twice_sine_axis / 2 / np.maximum(np.sinc(angle / np.pi), 1e-12)[..., None]
+
+
+def mean_rotation(vector: ArrayLike) -> Array:
+    """Mean of rotation(s v) over s in [0, 1], shape (..., 3) -> (..., 3, 3): the left Jacobian of SO(3).
+
+    1 + (1 - cos a) / a^2 [v x] + (a - sin a) / a^3 [v x]^2, a = |v| (Chirikjian, "Stochastic
+    Models, Information Theory, and Lie Groups", vol. 2, 2012, eq. 10.86).
+    """
+    vector = np.asarray(vector, dtype=float)
+    size = np.linalg.norm(vector, axis=-1)[..., None, None]
+    cross = cross_matrix(vector)
+    safe = np.where(size > 1e-3, size, 1.0)
+    cubic = np.where(size > 1e-3, (safe - np.sin(safe)) / safe**3, 1 / 6 - size**2 / 120)
+    return np.eye(3) + np.sinc(size / (2 * np.pi)) ** 2 / 2 * cross + cubic * (cross @ cross)
+
+
+def multiply(p: Array, q: Array) -> Array:
+    """Hamilton product p q, shape (..., 4): rotate by q, then by p."""
+    px, py, pz, pw = np.moveaxis(p, -1, 0)
+    qx, qy, qz, qw = np.moveaxis(q, -1, 0)
+    return np.stack(
+        [
+            pw * qx + px * qw + py * qz - pz * qy,
+            pw * qy - px * qz + py * qw + pz * qx,
+            pw * qz + px * qy - py * qx + pz * qw,
+            pw * qw - px * qx - py * qy - pz * qz,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q: Array) -> Array:
+    """The opposite rotation."""
+    return q * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def rotate(q: Array, vector: Array) -> Array:
+    """Vectors (..., 3) rotated by q (..., 4)."""
+    axis = q[..., :3]
+    twice = 2 * np.cross(axis, vector)
+    return vector + q[..., 3:] * twice + np.cross(axis, twice)
+
+
+def from_rotation_vector(phi: Array) -> Array:
+    """Quaternion of a rotation vector (..., 3), rad."""
+    half = np.linalg.norm(phi, axis=-1, keepdims=True) / 2
+    return np.concatenate([phi / 2 * np.sinc(half / np.pi), np.cos(half)], axis=-1)
+
+
+def attitude_path(gyro_b: Array, *, rate_hz: float) -> tuple[Array, Array]:
+    """Attitude of the body against its start, by integrating the gyro.
+
+    Parameters
+    ----------
+    gyro_b : ndarray, shape (..., n, 3)
+        Angular rate in the body frame, rad/s, each sample the mean over its interval.
+    rate_hz : float
+        Sample rate, Hz.
+
+    Returns
+    -------
+    middle, end : ndarray, shape (..., n, 4)
+        Quaternions taking body vectors at the middle and at the end of each interval into
+        b0, the body frame frozen in inertial space at the start.
+
+    Notes
+    -----
+    The ordered product of n rotations, in about sqrt(n) steps: products within blocks side by
+    side, then the blocks' totals one after another.
+    """
+    n = gyro_b.shape[-2]
+    step = gyro_b / rate_hz
+    size = int(np.ceil(np.sqrt(n)))
+    count = -(-n // size)
+    path = np.zeros((*gyro_b.shape[:-2], count * size, 4))
+    path[..., 3] = 1.0
+    path[..., :n, :] = from_rotation_vector(step)
+    path = path.reshape(*gyro_b.shape[:-2], count, size, 4)
+    for j in range(1, size):
+        path[..., j, :] = multiply(path[..., j - 1, :], path[..., j, :])
+    before = np.zeros((*path.shape[:-2], 4))
+    before[..., 3] = 1.0
+    for j in range(1, count):
+        before[..., j, :] = multiply(before[..., j - 1, :], path[..., j - 1, -1, :])
+    end = multiply(before[..., None, :], path).reshape(*gyro_b.shape[:-2], count * size, 4)[..., :n, :]
+    return multiply(end, from_rotation_vector(-step / 2)), end

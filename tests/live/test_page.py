@@ -1,0 +1,254 @@
+"""The page in Debian's Chromium, and who may open it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import degrees, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import gyronorth as gn
+from gyronorth.cli import app
+from gyronorth.live.access import COOKIE, Access, is_loopback
+from gyronorth.readers import write
+from gyronorth.simulation import Motion
+
+ROOT = Path(__file__).parents[2]
+#: The verdicts that the page has shown, one after the other.
+REMEMBER = """
+window.verdicts = [];
+new MutationObserver(() => {
+  const now = document.querySelector('[data-verdict]')?.textContent;
+  if (now && now !== window.verdicts.at(-1)) window.verdicts.push(now);
+}).observe(document, {childList: true, subtree: true, characterData: true});
+"""
+
+
+@pytest.fixture(scope="module")
+def chromium() -> str:
+    """The system's browser; in CI it must be there."""
+    path = shutil.which("chromium")
+    if path is None and os.environ.get("CI"):
+        pytest.fail("chromium is not installed: apt-get install chromium (make browser does it)")
+    if path is None:
+        pytest.skip("chromium is not installed: apt-get install chromium (make browser does it)")
+    return path
+
+
+@contextmanager
+def live(folder: Path, *arguments: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """A running command and the address of its page."""
+    command = [sys.executable, "-m", "gyronorth.cli", "live", *arguments, "--port", "0"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    process = subprocess.Popen(
+        command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stderr is not None
+    try:
+        yield process.stderr.readline().split()[1], process
+    finally:
+        process.terminate()
+        out, err = process.communicate(timeout=30)
+        print(out, err)
+    assert "Traceback" not in err
+
+
+def turned_recording(path: Path) -> float:
+    """A unit that stands, turns by 180 deg and stands; its heading at the end, deg."""
+    recording = gn.simulate(
+        "hg9900",
+        latitude=radians(48),
+        heading=radians(120),
+        duration=100,
+        rate_hz=100,
+        rng=np.random.default_rng(20260501),
+        motion=Motion(turns=((60.0, 10.0, np.pi),), smooth=True),
+    )
+    write(recording, path)
+    assert recording.heading_true is not None
+    return degrees(recording.heading_true)
+
+
+@pytest.mark.slow
+def test_a_turned_recording_on_the_page(tmp_path, chromium):
+    from playwright.sync_api import expect, sync_playwright
+
+    truth = turned_recording(tmp_path / "turned.csv")
+    arguments = ("turned.csv", "--speed", "6", "--sensor", "hg9900", "--save", "north.csv")
+    problems: list[str] = []
+    hosts: set[str] = set()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1180, "height": 900})
+        page.add_init_script(REMEMBER)
+        page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else 0)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("request", lambda request: hosts.add(re.sub(r"\w+://([^:/]+).*", r"\1", request.url)))
+        with live(tmp_path, *arguments) as (url, _):
+            page.goto(url)
+            expect(page.locator("[data-verdict]")).to_be_visible(timeout=60_000)
+            page.keyboard.press("m")
+            expect(page.locator(".gn")).to_contain_text("Marks:", timeout=60_000)
+            page.keyboard.press("s")  # the unit still stands: begin anew, so that everything is seen
+            expect(page.locator("[data-verdict]")).to_contain_text("Valid", timeout=60_000)
+            page.get_by_text("Data: ended").wait_for(timeout=90_000)
+            expect(page.locator("[data-verdict]")).to_have_text("✓ Valid")
+            verdicts = page.evaluate("window.verdicts")
+            assert "✕ Invalid: too short" in verdicts or "… Invalid: too short" in verdicts
+            heading_deg = float(page.locator("[data-heading]").inner_text().rstrip("°"))
+            text = page.locator(".verdict").inner_text()
+            low, high = map(float, re.search(r"95 %: ([\d.]+) to ([\d.]+)°", text).groups())  # type: ignore[union-attr]
+            assert low <= truth <= high
+            assert low <= heading_deg <= high
+
+            page.get_by_role("button", name="Save").click()
+            expect(page.locator("[data-saved]")).to_contain_text("north.2.csv", timeout=60_000)
+            page_heading(page, tmp_path, heading_deg, url)
+            phone(page)
+            page.close()
+        browser.close()
+    assert problems == []
+    assert hosts == {"127.0.0.1"}
+
+
+def page_heading(page, folder: Path, heading_deg: float, url: str) -> None:
+    """What was saved, and what the links give, is read back to the same answer."""
+    offline = gn.heading(gn.read(folder / "north.2.csv"), sensor="hg9900")
+    assert offline.valid
+    assert offline.heading is not None
+    assert degrees(offline.heading) == pytest.approx(heading_deg, abs=0.051)  # one decimal is shown
+    assert page.request.get(f"{url}recording").body() == (folder / "north.2.csv").read_bytes()
+    assert f"{degrees(offline.heading):.2f}" in (folder / "north.2.html").read_text()
+    assert "<svg" in page.request.get(f"{url}report").text()
+
+
+def phone(page) -> None:
+    """Nothing is wider than a phone, every button is reached with the Tab key, and d turns the page dark."""
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert page.evaluate("document.documentElement.scrollWidth") == 390
+    reached = set()
+    for _ in range(12):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.getAttribute('aria-label')"))
+    assert {"Save (key v)", "Dark or light"} <= reached
+    colour = "getComputedStyle(document.body).backgroundColor"
+    before = page.evaluate(colour)
+    page.keyboard.press("d")
+    page.wait_for_function(f"{colour} != '{before}'")
+
+
+@pytest.mark.slow
+def test_a_token_opens_the_page(tmp_path):
+    import urllib.error
+    import urllib.request
+    from http.cookiejar import CookieJar
+
+    turned_recording(tmp_path / "turned.csv")
+    with live(tmp_path, "turned.csv", "--host", "0.0.0.0", "--token", "a b&c") as (url, process):
+        url = url.replace("0.0.0.0", "127.0.0.1")
+        with pytest.raises(urllib.error.HTTPError, match="401"):
+            urllib.request.urlopen(url.partition("?")[0])
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
+        assert b"gyronorth live" in opener.open(url).read()
+        assert b"gyronorth live" in opener.open(url.partition("?")[0]).read()
+        assert process.poll() is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--host", "0.0.0.0"], "--token"),
+        (["--host", "::"], "--token"),
+        (["--save", "no/such/rec.csv"], "does not exist"),
+        (["--no-page", "--nmea-out", "tcp:1"], "--nmea-out"),
+        (["--sensor", "nonesuch"], "nonesuch"),
+        (["--speed", "0"], "positive"),
+    ],
+)
+def test_wrong_arguments_are_one_message(tmp_path, arguments, message):
+    turned = tmp_path / "rec.csv"
+    turned.write_text("# gyro_unit: rad/s\n# axes: frd\n# rate_hz: 10\nw_x,w_y,w_z\n" + "0,0,0\n" * 20)
+    result = CliRunner().invoke(app, ["live", str(turned), *arguments])
+    assert result.exit_code == 2
+    assert message in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_replay_without_a_page_prints_json_lines_and_ends(tmp_path):
+    truth = turned_recording(tmp_path / "turned.csv")
+    arguments = [str(tmp_path / "turned.csv"), "--no-page", "--json", "--speed", "500", "--sensor", "hg9900"]
+    result = CliRunner().invoke(app, ["live", *arguments, "--save", str(tmp_path / "north.csv")])
+    assert result.exit_code == 0
+    last = json.loads(result.stdout.splitlines()[-1])
+    assert last["heading_deg"] == pytest.approx(truth, abs=4 * last["sigma_deg"])
+    assert (last["live"]["state"], last["live"]["good"]) == ("ended", 10000)
+
+
+def asked(access: Access, *, headers: dict[str, str], query: str = "", kind: str = "http") -> list[dict]:
+    """What is sent when a request comes."""
+    sent: list[dict] = []
+    raw = [(name.encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": kind, "path": "/x", "query_string": query.encode(), "headers": raw}
+
+    async def receive() -> dict:
+        return {"type": "websocket.connect"}
+
+    async def send(message: dict) -> None:
+        sent.append(message)
+
+    asyncio.run(access(scope, receive, send))
+    return sent
+
+
+async def opened(scope, receive, send) -> None:
+    await send({"type": "opened"})
+
+
+HOME = {"host": "127.0.0.1:8080"}
+
+
+def test_here_no_token_is_needed_but_another_site_is_refused():
+    access = Access(opened, token=None, loopback=True)
+    assert asked(access, headers=HOME) == [{"type": "opened"}]
+    assert asked(access, headers={**HOME, "origin": "http://127.0.0.1:8080"}) == [{"type": "opened"}]
+    assert asked(access, headers={**HOME, "origin": "http://evil.example"})[0]["status"] == 403
+    assert asked(access, headers={"host": "evil.example"})[0]["status"] == 403  # a name that points here
+    socket = asked(access, headers={**HOME, "origin": "http://evil.example"}, kind="websocket")
+    assert socket == [{"type": "websocket.close", "code": 1008}]
+
+
+def test_elsewhere_a_token_is_needed_once():
+    access = Access(opened, token="secret", loopback=False)
+    there = {"host": "north.local:8080"}
+    for query in ("", "token=", "token=wrong", "token=secre"):
+        assert asked(access, headers=there, query=query)[0]["status"] == 401
+    assert asked(access, headers=there, kind="websocket")[0]["code"] == 1008
+    first = asked(access, headers=there, query="token=secret&a=b")[0]
+    headers = dict(first["headers"])
+    assert (first["status"], headers[b"location"]) == (303, b"/x?a=b")
+    cookie = headers[b"set-cookie"].decode().partition(";")[0]
+    assert cookie.startswith(f"{COOKIE}=")
+    assert "secret" not in cookie
+    assert b"HttpOnly" in headers[b"set-cookie"]
+    for kind in ("http", "websocket"):
+        assert asked(access, headers={**there, "cookie": cookie}, kind=kind) == [{"type": "opened"}]
+    other = Access(opened, token="secret", loopback=False)
+    assert asked(other, headers={**there, "cookie": cookie})[0]["status"] == 401  # of another run
+
+
+@pytest.mark.parametrize(
+    ("host", "here"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False), ("ship", False)]
+)
+def test_loopback(host, here):
+    assert is_loopback(host) is here

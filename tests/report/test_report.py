@@ -1,0 +1,393 @@
+"""Report: text, tables, NMEA sentences, figures and the HTML page of hand-made estimates."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from math import radians
+
+import numpy as np
+import pytest
+from pynmeagps import NMEAReader
+
+from gyronorth.allan import allan_deviation
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.estimate import Convergence, HeadingEstimate, Pose, Turn, Unrest
+from gyronorth.findings import Finding
+from gyronorth.report import figures, nmea, tables, terminal, wording
+from gyronorth.report.html import heading_page
+from gyronorth.report.tables import Outcome
+from gyronorth.report.writing import written_beside
+
+VALID = HeadingEstimate(
+    heading=radians(40.31),
+    sigma=radians(4.58),
+    interval95=(radians(31.3), radians(49.3)),
+    reasons=(),
+    warnings=(),
+    method="mean",
+    method_reason="one pose, undisturbed",
+    bundle=None,
+    roll=radians(0.02),
+    pitch=radians(-0.01),
+    latitude=radians(32.11),
+    sensor="sdc500",
+    duration=100.0,
+    rate_hz=600.0,
+    end_time_utc=None,
+    poses=(Pose(0.0, 100.0, radians(40.31)),),
+    turns=(),
+    sigma_parts={"noise": radians(0.54), "drift": radians(0.9), "turn_on_bias": radians(4.4), "levelling": 0.0},
+    gyro_bias=None,
+    rate_mean=(9.7 * DEG_PER_HOUR, -8.2 * DEG_PER_HOUR, -8.0 * DEG_PER_HOUR),
+    rate_norm=15.03 * DEG_PER_HOUR,
+    implied_latitude=radians(32.0),
+)
+RATE_NORM = Finding("rate_norm", "The mean rate is 199.00 deg/h off Earth rate; at most 4.10 deg/h fits.", 199.0, 4.1)
+REFUSED = replace(VALID, reasons=(RATE_NORM,), heading=radians(358.96), interval95=(radians(350), radians(8)))
+UNKNOWN = replace(REFUSED, heading=None, sigma=None, interval95=(0.0, 2 * np.pi), implied_latitude=None, roll=None)
+CONVERGENCE = Convergence(
+    time=np.array([5.0, 10.0, 50.0, 100.0]),
+    heading=np.radians([20.0, 60.0, 45.0, 40.31]),
+    half_width=np.radians([180.0, 60.0, 20.0, 9.0]),
+    valid=np.array([False, False, True, True]),
+)
+
+
+def checksum(sentence: str) -> int:
+    """Exclusive or between $ and *, by another route than the package's."""
+    total = 0
+    for character in sentence[1 : sentence.index("*")]:
+        total ^= ord(character)
+    return total
+
+
+class TestWording:
+    @pytest.mark.parametrize(
+        ("degrees", "text"), [(0, "0.00"), (359.994, "359.99"), (359.996, "0.00"), (-0.001, "0.00"), (725.5, "5.50")]
+    )
+    def test_heading_never_reads_360(self, degrees, text):
+        assert wording.heading_text(degrees) == text
+
+    def test_interval(self):
+        assert wording.interval_text([31.3, 49.3]) == "31.30 to 49.30 deg"
+        assert wording.interval_text([350.0, 8.0]) == "350.00 to 8.00 deg, through north"
+        assert wording.interval_text([0.0, 360.0]) == "any heading"
+
+    @pytest.mark.parametrize(
+        ("value", "text"),
+        [(None, "unknown"), (4.5812, "4.58"), (0.00034, "0.00034"), (-0.001, "-0.001"), (0.0, "0.00")],
+    )
+    def test_numbers_keep_two_figures(self, value, text):
+        assert wording.number_text(value) == text
+
+
+class TestNmea:
+    def test_valid_heading_is_read_back(self):
+        hdt, status = nmea.sentences(VALID)
+        message = NMEAReader.parse(hdt)
+        assert (message.talker, message.msgID, message.headingT, message.headingTu) == ("HE", "HDT", 40.3, "T")
+        assert hdt == "$HEHDT,040.3,T*28\r\n"  # checksum computed by hand
+        assert NMEAReader.parse(status).payload == ["A", "040.3", "4.58", "031.3", "049.3", "mean", "0", ""]
+
+    def test_refused_heading_leaves_no_number_in_hdt(self):
+        hdt, status = nmea.sentences(REFUSED)
+        assert NMEAReader.parse(hdt).headingT == ""
+        assert NMEAReader.parse(status).payload == ["V", "359.0", "4.58", "350.0", "008.0", "mean", "1", "rate_norm"]
+
+    def test_unknown_heading(self):
+        hdt, status = nmea.sentences(UNKNOWN)
+        assert NMEAReader.parse(hdt).headingT == ""
+        assert NMEAReader.parse(status).payload[:5] == ["V", "", "", "000.0", "360.0"]
+
+    def test_heading_that_rounds_to_north(self):
+        hdt, _ = nmea.sentences(replace(VALID, heading=radians(359.96)))
+        assert hdt.startswith("$HEHDT,000.0,T*")
+
+    def test_longest_sentence_and_checksum(self):
+        codes = ["rate_norm", "implied_latitude", "motion", "too_short", "too_noisy", "near_pole", "saturated"]
+        refused = replace(REFUSED, reasons=tuple(Finding(code, "") for code in codes), method="inertial")
+        for sentence in nmea.sentences(refused):
+            assert len(sentence) <= 82  # IEC 61162-1
+            assert sentence.endswith("\r\n")
+            assert int(sentence[sentence.index("*") + 1 : -2], 16) == checksum(sentence)
+        payload = NMEAReader.parse(nmea.sentences(refused)[1]).payload
+        assert payload[6] == "7"
+        assert payload[7] == "rate_norm;implied_latitude;motion"  # the count tells that more did not fit
+
+
+class TestTables:
+    def test_csv_row_of_each_kind(self, tmp_path):
+        outcomes = [
+            Outcome("good, of 1.csv", VALID, heading_true=radians(43)),
+            Outcome("bad.csv", REFUSED),
+            Outcome("broken.csv", message='Row 3 of broken.csv: "x" is not a number.'),
+        ]
+        tables.write_csv(outcomes, tmp_path / "out.csv")
+        good, bad, broken = csv.DictReader((tmp_path / "out.csv").read_text().splitlines())
+        assert tuple(good) == tables.COLUMNS
+        assert (good["file"], good["valid"], good["reasons"]) == ("good, of 1.csv", "true", "")
+        assert float(good["heading_deg"]) == pytest.approx(40.31)
+        assert float(good["error_deg"]) == pytest.approx(-2.69)
+        assert (bad["valid"], bad["reasons"], bad["heading_true_deg"]) == ("false", "rate_norm", "")
+        assert (broken["heading_deg"], broken["message"]) == ("", outcomes[2].message)
+
+    def test_json_documents(self):
+        assert Outcome("a", VALID).document() == {"file": "a", "error": None, **VALID.to_json()}
+        assert Outcome("a", message="x").document() == {"file": "a", "error": "x", "heading_deg": None, "valid": False}
+
+    def test_failed_write_leaves_what_stood_there(self, tmp_path, monkeypatch):
+        path = tmp_path / "out.csv"
+        path.write_text("before")
+
+        def fail(*_):
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(csv.DictWriter, "writerows", fail)
+        with pytest.raises(OSError, match="No space left"):
+            tables.write_csv([Outcome("a", VALID)], path)
+        assert path.read_text() == "before"
+        assert [entry.name for entry in tmp_path.iterdir()] == ["out.csv"]
+
+
+class TestWriting:
+    def test_symbolic_link_keeps_pointing(self, tmp_path):
+        target, link = tmp_path / "target.txt", tmp_path / "link.txt"
+        link.symlink_to(target)
+        with written_beside(link) as part:
+            part.write_text("new")
+        assert link.is_symlink()
+        assert target.read_text() == "new"
+
+    def test_device_is_written_directly(self):
+        from pathlib import Path
+
+        with written_beside(Path("/dev/null")) as part:
+            assert str(part) == "/dev/null"
+
+
+class TestTerminal:
+    def test_piped_text_is_plain(self):
+        stream = io.StringIO()
+        terminal.print_heading(Outcome("rec.csv", REFUSED, heading_true=radians(43)), stream)
+        text = stream.getvalue()
+        assert text.isascii()  # no colour, no box
+        lines = dict(re.split(r"  +", line, maxsplit=1) for line in text.splitlines())
+        assert lines["verdict"] == "refused: do not use this heading"
+        assert lines["heading"] == "358.96 deg (refused)"
+        assert lines["reason"] == f"rate_norm: {RATE_NORM.message}"
+        assert lines["truth in the file"] == "43.00 deg, error -44.04 deg"
+
+    def test_panel_on_a_terminal(self):
+        class Screen(io.StringIO):
+            def isatty(self):
+                return True
+
+        screen = Screen()
+        terminal.print_heading(Outcome("rec [bold].csv", VALID), screen)
+        assert "true north" in screen.getvalue()
+        assert "rec [bold].csv" in screen.getvalue()  # a file name is no markup
+
+    def test_no_heading(self):
+        assert wording.heading_lines(Outcome("rec.csv", UNKNOWN))[:4] == [
+            ("verdict", "refused: no heading could be computed"),
+            ("heading", "none"),
+            ("sigma", "unknown"),
+            ("95 % interval", "any heading"),
+        ]
+
+    def test_folder_table(self):
+        stream = io.StringIO()
+        terminal.print_folder(
+            [Outcome("a.csv", VALID), Outcome("b.csv", REFUSED), Outcome("c.csv", message="Bad.")], stream
+        )
+        header, a, b, c, note = stream.getvalue().splitlines()
+        assert header.split()[0] == "file"
+        assert a.split() == ["a.csv", "40.31", "4.58", "31.30", "to", "49.30", "valid"]
+        assert b.endswith("refused (rate_norm)")
+        assert c.split() == ["c.csv", "error", "[1]"]
+        assert note == "[1] error: Bad."
+
+    @pytest.mark.parametrize("terminal_width", [None, 100])
+    def test_folder_table_shows_warnings_once(self, terminal_width, monkeypatch):
+        stream = io.StringIO()
+        if terminal_width:
+            monkeypatch.setattr(stream, "isatty", lambda: True)
+            monkeypatch.setenv("COLUMNS", str(terminal_width))
+            monkeypatch.setenv("NO_COLOR", "1")
+        codes = ("bias_unknown", "swaying", "gaps_bridged")
+        warned = replace(VALID, warnings=tuple(Finding(code, "long") for code in codes))
+        swayed = replace(REFUSED, warnings=(Finding("swaying", ""), Finding("swaying", "")))
+        name = "name_of_a_recording.csv"
+        terminal.print_folder([Outcome(name, warned), Outcome("b.csv", swayed)], stream)
+        text = stream.getvalue()
+        assert re.search(rf"{name} .* valid \[1 2 3\] *\n", text)
+        assert re.search(r"b.csv .* refused \(rate_norm\)\s+\[2\] *\n", text)
+        assert text.endswith("[1] warning: bias_unknown\n[2] warning: swaying\n[3] warning: gaps_bridged\n")
+        assert max(map(len, re.sub("\x1b\\[[0-9;]*m", "", text).splitlines())) <= 100
+
+
+class TestFigures:
+    def test_convergence_is_unwrapped_about_the_final_heading(self):
+        crossing = replace(
+            CONVERGENCE, heading=np.radians([340.0, 350.0, 10.0, 1.0]), half_width=np.radians([30, 20, 12, 8.0])
+        )
+        axes = figures.convergence_figure(crossing, replace(VALID, heading=radians(1)), heading_true=radians(359)).axes[
+            0
+        ]
+        valid, refused, truth = axes.get_lines()
+        np.testing.assert_allclose(valid.get_ydata()[2:], [10, 1])
+        np.testing.assert_allclose(refused.get_ydata()[:3], [-20, -10, 10])
+        assert truth.get_ydata()[0] == pytest.approx(-1)
+        axes.figure.draw_without_rendering()
+        labels = [label.get_text() for label in axes.get_yticklabels()]
+        assert all(0 <= float(label) < 360 for label in labels)
+        band = axes.collections[0].get_paths()[0].vertices
+        assert band[:, 1].min() == pytest.approx(-50)
+        assert band[:, 1].max() == pytest.approx(22)
+
+    def test_unknown_heading_has_a_figure(self, tmp_path):
+        figure = figures.heading_figure(replace(CONVERGENCE, heading=np.full(4, np.nan)), UNKNOWN)
+        figures.write(figure, tmp_path / "a.png")
+        assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+    @pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
+    def test_formats(self, tmp_path, suffix, start):
+        deviation = allan_deviation(np.random.default_rng(1).standard_normal((400, 3)), rate_hz=10)
+        figure = figures.heading_figure(CONVERGENCE, VALID, heading_true=radians(43), deviation=deviation)
+        figures.write(figure, tmp_path / f"a{suffix}")
+        assert (tmp_path / f"a{suffix}").read_bytes().startswith(start)
+
+    def test_figures_of_the_page_are_reproducible_and_follow_the_theme(self):
+        first, second = (figures.svg_text(figures.convergence_figure(CONVERGENCE, VALID), salt="a") for _ in range(2))
+        assert first == second
+        assert "var(--blue)" in first
+        assert not re.search("|".join(figures.COLOURS), first)
+
+
+class Page(HTMLParser):
+    """Tags that must not be there, identifiers, references and text of a page."""
+
+    def __init__(self, page: str):
+        super().__init__()
+        self.tags: list[str] = []
+        self.ids: list[str] = []
+        self.references: list[str] = []
+        self.text = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value)
+            if name in ("href", "src", "xlink:href", "srcset", "data", "action"):
+                self.references.append(value)
+
+    def handle_data(self, data):
+        if self.get_starttag_text() != "<style>":
+            self.text += data
+
+
+@pytest.fixture(scope="module")
+def deviation():
+    return allan_deviation(np.random.default_rng(1).standard_normal((400, 3)) * 1e-5, rate_hz=10)
+
+
+class TestPage:
+    @pytest.mark.parametrize("estimate", [VALID, REFUSED, UNKNOWN], ids=["valid", "refused", "unknown"])
+    def test_page_stands_alone(self, estimate, deviation):
+        page = heading_page(Outcome("rec.csv", estimate), CONVERGENCE, deviation=deviation, inputs=[("axes", "frd")])
+        parsed = Page(page)
+        assert not {"script", "link", "img", "iframe"} & set(parsed.tags)
+        assert all(reference.startswith("#") for reference in parsed.references)
+        assert not re.search(r"url\((?!#)", page)
+        assert "@import" not in page
+        assert len(set(parsed.ids)) == len(parsed.ids)  # two figures on one page share no identifier
+        assert parsed.tags.count("svg") == 3
+        assert "prefers-color-scheme: dark" in page
+        assert "width=device-width" in page
+        assert len(page) < 300_000
+
+    def test_valid_page(self):
+        text = Page(heading_page(Outcome("rec.csv", VALID, heading_true=radians(43)), CONVERGENCE)).text
+        assert "Valid" in text
+        assert "40.31°" in text
+        assert "31.30 to 49.30°" in text
+        assert "the error is -2.69°" in text
+        assert "Refused" not in text
+        assert text.index("turn-on bias") < text.index("drift") < text.index("together")  # the largest part first
+
+    def test_refused_page_says_so_in_words_and_numbers(self):
+        text = Page(heading_page(Outcome("rec.csv", REFUSED), CONVERGENCE)).text
+        for words in ("Refused", "must not be used", "rate_norm", RATE_NORM.message, "measured 199", "limit 4.1"):
+            assert words in text
+        assert "✓" not in text
+
+    def test_file_names_and_messages_are_escaped(self):
+        warned = replace(VALID, warnings=(Finding("rows_dropped", "<b>3</b> rows & more", 3.0),))
+        page = heading_page(Outcome("<script>alert(1)</script>.csv", warned), CONVERGENCE, inputs=[("a", "<i>")])
+        assert "<script" not in page
+        assert "&lt;b&gt;3&lt;/b&gt; rows &amp; more" in page
+        assert "<i>" not in page
+
+
+def test_page_shows_the_disturbance_that_was_found():
+    found = Unrest(tones=1.9, settling=0.98, tilt=0.02, walk=None, bumps=2.0, excess=1.04, fits=True)
+    page = heading_page(Outcome("a.csv", replace(VALID, method="learned", unrest=found)), CONVERGENCE)
+    cells = dict(re.findall(r"<tr><td>([^<]*)</td><td class=\"n\">([^<]*)</td></tr>", page))
+    assert cells["sway tones, expected number"] == "1.9"
+    assert cells["the bias settles, probability"] == "0.98"
+    assert cells["left out as bumps"] == "2.0 s"
+    assert "the bias walks, probability" not in cells
+    assert "by plain averaging, not by learned" in page
+    assert "Disturbance found" not in heading_page(Outcome("a.csv", VALID), CONVERGENCE)
+
+
+def test_turns_are_taken_out_of_the_heading_against_time():
+    poses = (Pose(0.0, 40.0, radians(350.0)), Pose(50.0, 90.0, radians(80.0)), Pose(95.0, 120.0, radians(260.0)))
+    turns = (Turn(40.0, 50.0, radians(90.0)), Turn(90.0, 95.0, radians(180.0)))
+    turned = replace(VALID, heading=radians(260.0), poses=poses, turns=turns, method="turned")
+    # In the first pose, in the turn, just behind it when the second pose is not found yet, in both others.
+    along = Convergence(
+        time=np.array([20.0, 45.0, 51.0, 70.0, 120.0]),
+        heading=np.radians([352.0, 351.0, 350.5, 79.0, 260.0]),
+        half_width=np.radians([3.0, 3.0, 3.0, 2.0, 1.0]),
+        valid=np.ones(5, bool),
+    )
+    figure = figures.convergence_figure(along, turned)
+    drawn = next(line for line in figure.axes[0].lines if line.get_label() == "heading, valid").get_ydata()
+    np.testing.assert_allclose(drawn, [262.0, 261.0, 260.5, 259.0, 260.0], atol=1e-9)
+
+
+def test_json_keys_are_those_of_the_design():
+    example = """schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg
+        pitch_deg latitude_deg sensor duration_s rate_hz end_time_utc poses sigma_parts_deg gyro_bias_deg_h
+        rate_mean_deg_h rate_norm_deg_h implied_latitude_deg"""
+    assert list(VALID.to_json()) == example.split()
+    assert json.loads(json.dumps(VALID.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
+
+
+def test_hopeless_numbers_stay_readable():
+    """A gyro that reads zero: a part of sigma of any size, negative zeros, no implied latitude."""
+    hopeless = replace(UNKNOWN, sigma_parts={"turn_on_bias": 1e150}, pitch=-0.0)
+    lines = dict(wording.heading_lines(Outcome("zero.csv", hopeless)))
+    assert lines["parts of sigma"] == "turn-on bias > 180 deg"
+    assert lines["roll, pitch"] == "unknown, 0.00 deg"
+    page = heading_page(Outcome("zero.csv", hopeless), replace(CONVERGENCE, heading=np.full(4, np.nan)))
+    assert "&gt; 180°" in page
+
+
+def test_a_gyro_that_does_not_vary_has_a_figure():
+    figure = figures.allan_figure(allan_deviation(np.zeros((400, 3)), rate_hz=10))
+    assert [text.get_text() for text in figure.axes[0].texts] == ["the gyro does not vary"]
+    figure.draw_without_rendering()
+
+
+def test_a_file_name_that_is_no_utf8(tmp_path):
+    tables.write_csv([Outcome("a\udcff.csv", VALID)], tmp_path / "out.csv")
+    assert r"a\udcff.csv" in (tmp_path / "out.csv").read_text()
