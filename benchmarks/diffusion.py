@@ -14,8 +14,8 @@ import numpy as np
 import torch
 
 from benchmarks.comparison import Comparison
-from gyronorth.alignment.diffusion import Sampler, Schedule
-from gyronorth.alignment.learned import LoadedBundle, clean, load_bundle
+from gyronorth.alignment.networks.diffusion import Sampler, Schedule
+from gyronorth.alignment.networks.runtime import LoadedBundle, clean, load_bundle
 from gyronorth.angles import DEG_PER_SQRT_HOUR, angle_error
 from gyronorth.learn.data import synthetic_set
 from gyronorth.learn.denoiser import Denoiser

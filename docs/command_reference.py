@@ -91,7 +91,7 @@ def value(parameter: Any) -> str:
         return " | ".join(str(choice.value) for choice in kind)
     if parameter.param_type_name == "argument" or parameter.is_flag:
         return ""
-    return parameter.metavar
+    return " | ".join(parameter.metavar.split("|")) if parameter.metavar.islower() else parameter.metavar
 
 
 def meaning(parameter: Any) -> str:

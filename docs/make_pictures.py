@@ -20,6 +20,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon, Wedge
 
 import gyronorth as gn
+from gyronorth.alignment.gates import judge
+from gyronorth.alignment.problem import Problem
+from gyronorth.alignment.registry import METHODS, Options
 from gyronorth.allan import identify
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
 from gyronorth.calibration import calibrate
@@ -30,7 +33,6 @@ from gyronorth.readers.axes import mat_bf
 from gyronorth.report.figures import BLUE, COLOURS, FAINT, GREEN, GRID, INK, PINK, RED, SETTINGS, svg_text
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.simulation import Motion
-from gyronorth.solution import Data, disturbance, mean_alignment, solve_mean
 
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs/images"
@@ -126,7 +128,7 @@ def attitude() -> Figure:
 
 
 def sigma_against_time() -> Figure:
-    """The parts of sigma of three grades of sensor, by `plan`."""
+    """The error budget of three grades of sensor, by `plan`."""
     figure = Figure(figsize=(7.2, 3.5), layout="constrained")
     panels = figure.subplots(1, 3, sharey=True)
     for panel, name in zip(panels, ("sdc500", "isa100c", "hg9900"), strict=True):
@@ -224,9 +226,9 @@ def interval_and_limits() -> Figure:
     refused = gn.heading(poor, sensor="bmi088")
     dial(middle, refused, truth=poor.heading_true)
     middle.set_title(f"refused: {refused.reasons[0].code}", loc="center", color=RED)
-    data = Data(recording.gyro_b, recording.accel_b, recording.rate_hz, LATITUDE, gn.read_sensor("sdc500"))
-    closed = mean_alignment(data)
-    gates = {gate.code: gate for gate in solve_mean(data, closed, disturbance(data, closed)).gates}
+    problem = Problem(recording.gyro_b, recording.accel_b, recording.rate_hz, LATITUDE, gn.read_sensor("sdc500"))
+    mean = METHODS["mean"]
+    gates = {gate.code: gate for gate in judge(problem, mean.solve(problem, Options()), mean.info.gates)}
     gates = [gates[code] for code in ("motion", "too_noisy", "implied_latitude", "rate_norm")]
     for row, gate in enumerate(gates):
         right.barh(row, float(gate.value / gate.limit), height=0.45, color=BLUE)

@@ -10,6 +10,7 @@ from hypothesis.strategies import floats
 from numpy.testing import assert_allclose
 
 import gyronorth as gn
+from gyronorth.alignment.motion import drift_detected
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
@@ -18,7 +19,6 @@ from gyronorth.recording import Note, Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.simulation import Motion, simulate, simulate_batch
 from gyronorth.simulation.disturbance import reference_set
-from gyronorth.solution import Data, changes_slowly
 
 LATITUDE = np.radians(32.11)
 IDEAL = Sensor("ideal", TriadErrors())
@@ -59,7 +59,8 @@ def test_json_has_the_keys_of_the_contract_in_order():
     keys = (
         "schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg "
         "pitch_deg latitude_deg sensor duration_s rate_hz end_time_utc poses sigma_parts_deg gyro_bias_deg_h "
-        "rate_mean_deg_h rate_norm_deg_h implied_latitude_deg"
+        "rate_mean_deg_h rate_norm_deg_h implied_latitude_deg gyro_bias_sigma_deg_h scale_factor_ppm "
+        "scale_factor_sigma_ppm disturbance"
     )
     assert list(estimate.to_json()) == keys.split()
     assert json.loads(json.dumps(estimate.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
@@ -397,8 +398,8 @@ def test_auto_holds_no_bias_constant_that_settles():
     estimate = heading(replace(record, gyro_b=gyro), sensor="isa100c")
     assert estimate.method == "learned"
     assert "settles" in estimate.method_reason
-    assert estimate.unrest is not None
-    assert estimate.unrest.unsteady > 0.5
+    assert estimate.disturbance is not None
+    assert estimate.disturbance.drift_probability > 0.5
     assert abs(angle_error(estimate.heading, 1.0)) < 3 * estimate.sigma
     traced = heading(replace(record, gyro_b=gyro), sensor="isa100c", method="mean")
     assert abs(angle_error(traced.heading, 1.0)) > 4 * traced.sigma
@@ -426,17 +427,17 @@ def test_auto_is_not_deceived_by_a_long_recording_that_warms_up(kind, duration):
 def test_slow_change_is_asked_about_and_seldom_where_there_is_none(name):
     rng, sensor = np.random.default_rng(8), read_sensor(name)
     gyro, _ = simulate_batch(sensor, runs=300, latitude=0.56, heading=1.0, duration=100, rate_hz=3, rng=rng)
-    asked = np.mean([changes_slowly(Data(one, None, 3.0, 0.56, sensor)) for one in gyro])
+    asked = np.mean([drift_detected(one, rate_hz=3.0, errors=sensor.gyro) for one in gyro])
     # Each of three shapes is beyond its limit with 0.1: one to three in ten; of 300 runs known to 0.02.
     assert 0.1 - 0.05 < asked < 0.3 + 0.05
     # Eight standard deviations of the noise of the mean, from the first sample to the last.
     slope = 8 * sensor.gyro.white / np.sqrt(100) * np.linspace(-1, 1, 300)[:, None] * [1, 1, 1]
-    assert np.mean([changes_slowly(Data(one + slope, None, 3.0, 0.56, sensor)) for one in gyro]) > 0.95
+    assert np.mean([drift_detected(one + slope, rate_hz=3.0, errors=sensor.gyro) for one in gyro]) > 0.95
 
 
 @pytest.mark.slow
 def test_without_the_network_both_ends_of_a_long_recording_are_asked(monkeypatch):
-    monkeypatch.setattr("gyronorth.choice.find_spec", lambda name: None)
+    monkeypatch.setattr("gyronorth.alignment.auto.find_spec", lambda name: None)
     found, off = long_ones("warmup", 400.0, 6)
     # Chi-square with 6 degrees of freedom: 22.5 once in 1000 times.
     assert np.sum(off**2) < 22.5

@@ -7,6 +7,7 @@ from hypothesis.strategies import floats
 from numpy.testing import assert_allclose
 from scipy import integrate, stats
 
+from gyronorth.alignment.gates import WIDEST_CONCENTRATION, WIDEST_HALF_WIDTH
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
@@ -24,7 +25,6 @@ from gyronorth.uncertainty import (
     rate_variance,
     von_mises,
 )
-from gyronorth.validity import WIDEST_CONCENTRATION, WIDEST_HALF_WIDTH
 
 LATITUDE = np.radians(32.11)
 SIGNAL = EARTH_RATE * np.cos(LATITUDE)

@@ -13,8 +13,7 @@ from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.arrays import Array
 from gyronorth.deviation import FEWEST, DeviationModel, fit_deviation, rate_surplus
 from gyronorth.errors import InputError
-from gyronorth.pipeline import LATITUDE_CONFLICT
-from gyronorth.recording import Recording
+from gyronorth.recording import LATITUDE_CONFLICT, Recording
 
 
 @dataclass(frozen=True)

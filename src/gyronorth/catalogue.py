@@ -1,10 +1,177 @@
-"""The disturbances by name: what `simulate --disturbance` takes. Imports nothing, so that --help can list them."""
+"""The names of the house, as plain data: methods, findings, kinds of disturbance.
+
+It imports nothing heavy, so that `--help`, the enumerations of the command line, the documentation and the live page
+can read it at no cost. A row says what is true of an entry; what it does stands in the module that the row names.
+"""
 
 from __future__ import annotations
 
-#: Kinds that training and priors know.
-KINDS = ("quiet", "sway", "shock", "warmup", "tilt", "mixed")
-#: A warm-up that takes minutes, which only the priors of recordings beyond 300 s know.
-SLOW = ("soak",)
-#: Kinds kept out of training and of every prior: they test what nobody has modelled.
-HELD_OUT = ("square", "ramp", "beat")
+from dataclasses import dataclass
+from math import inf
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class MethodInfo:
+    """One way to find a heading, and its traits."""
+
+    name: str
+    summary: str  # one clause for --help
+    module: str  # where its class `METHOD` stands
+    needs_accelerometer: bool = False
+    takes_attitude: bool = True  # False: a given roll and pitch is an error, never dropped
+    takes_bundle: bool = False
+    takes_turn_angles: bool = False
+    corrected_by_deviation: bool = False  # a deviation curve corrects its heading
+    lowest_rate_hz: float = 0.0
+    shortest_s: float = 0.0
+    longest_s: float = inf
+    memory: Literal["all", "last_window"] = "all"  # what of a long stream it looks at
+    batched: bool = False  # takes leading dimensions at once
+    plannable: bool = False  # `plan` predicts its sigma
+    along_time: str = "mean"  # method whose heading against time is drawn beside it
+    gates: tuple[str, ...] = ("rate", "width", "motion")  # names of `alignment.gates.GATES` that judge its result
+
+
+#: Every method, in the order of --help.
+METHODS: tuple[MethodInfo, ...] = (
+    MethodInfo(
+        "auto",
+        "chooses by what the recording holds",
+        "gyronorth.alignment.auto",
+        takes_turn_angles=True,
+    ),
+    MethodInfo(
+        "mean",
+        "closed form from the mean rate and the mean specific force",
+        "gyronorth.alignment.methods.mean",
+        corrected_by_deviation=True,
+        batched=True,
+        plannable=True,
+    ),
+    MethodInfo(
+        "inertial",
+        "gravity traced in an inertial frame; holds under sway",
+        "gyronorth.alignment.methods.inertial",
+        needs_accelerometer=True,
+        takes_attitude=False,
+        batched=True,
+        plannable=True,
+        along_time="inertial",
+    ),
+    MethodInfo(
+        "turned",
+        "multi-position: two or more poses and the turns between them",
+        "gyronorth.alignment.methods.turned",
+        takes_attitude=False,
+        takes_turn_angles=True,
+        along_time="turned",
+        gates=("width",),
+    ),
+    MethodInfo(
+        "bayes",
+        "average over models of sway, settling and bumps, 30 to 300 s",
+        "gyronorth.alignment.methods.bayes",
+        lowest_rate_hz=3.0,
+        shortest_s=30.0,
+        longest_s=300.0,
+        memory="last_window",
+    ),
+    MethodInfo(
+        "learned",
+        "the same with models that a network proposes, from 30 s",
+        "gyronorth.alignment.methods.learned",
+        takes_bundle=True,
+    ),
+    MethodInfo(
+        "paper",
+        "the paper's denoiser and heading network",
+        "gyronorth.alignment.methods.network",
+        takes_bundle=True,
+        memory="last_window",
+    ),
+    MethodInfo(
+        "baseline",
+        "the paper's heading network without denoiser",
+        "gyronorth.alignment.methods.network",
+        takes_bundle=True,
+        memory="last_window",
+    ),
+)
+
+
+def method_info(name: str) -> MethodInfo:
+    """The row of a method; KeyError for a name that is none."""
+    for info in METHODS:
+        if info.name == name:
+            return info
+    raise KeyError(name)
+
+
+@dataclass(frozen=True)
+class FindingInfo:
+    """One code of a reason, a warning or a note."""
+
+    code: str
+    kind: Literal["reason", "warning"]
+    short: str  # words of the live page
+    summary: str  # one sentence for people
+
+
+#: Every code that an estimate or a live session may carry.
+FINDINGS: tuple[FindingInfo, ...] = (
+    FindingInfo("rate_norm", "reason", "the rate is not Earth rate", "The mean rate is not as large as the Earth's."),
+    FindingInfo(
+        "implied_latitude",
+        "reason",
+        "the rate does not fit the latitude",
+        "The rate and the vertical imply another latitude than the one given.",
+    ),
+    FindingInfo("motion", "reason", "the unit moved", "The unit turned by more than the method allows."),
+    FindingInfo("too_short", "reason", "too short", "The recording is too short for a heading."),
+    FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
+    FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
+    FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
+    FindingInfo("bundle_mismatch", "reason", "the network does not fit", "The recording does not fit the bundle."),
+    FindingInfo("not_running", "reason", "stopped", "The live session is not running."),
+    FindingInfo("stalled", "reason", "no data", "Nothing comes from the source."),
+    FindingInfo("not_computed", "reason", "not computed", "The samples so far cannot be worked on."),
+    FindingInfo("units_suspect", "reason", "units to be checked", "The declared units give no unit on Earth."),
+    FindingInfo("gaps", "reason", "too many samples missing", "More samples are missing than may be bridged."),
+    FindingInfo("axes_suspect", "warning", "axes to be declared", "Gravity does not lie along body down."),
+    FindingInfo("bias_unknown", "warning", "no profile", "The size of the gyro's errors is inferred."),
+    FindingInfo("assumed_level", "warning", "taken as level", "There is no accelerometer and no given attitude."),
+    FindingInfo("swaying", "warning", "swaying", "The attitude swayed, or its tilt changed."),
+    FindingInfo("rows_dropped", "warning", "rows left out", "Rows that could not be read were left out."),
+    FindingInfo("gaps_bridged", "warning", "samples bridged", "Samples were missing and are bridged."),
+    FindingInfo("time_jitter", "warning", "uneven time stamps", "The time stamps scatter about an even grid."),
+    FindingInfo("cut_off", "warning", "file cut off", "The file states more samples than it has."),
+    FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),
+    FindingInfo("deviation_unused", "warning", "deviation curve unused", "A deviation curve was not applied."),
+    FindingInfo("frozen", "warning", "output does not change", "The gyro's output does not change for a while."),
+    FindingInfo("simulated_noise", "warning", "simulated noise", "The biases are real, the noise is simulated."),
+    FindingInfo("log_time_used", "warning", "recorder's time used", "The messages carry no time of their own."),
+    FindingInfo("older_dropped", "warning", "older samples dropped", "Older samples are no longer used."),
+    FindingInfo("older_merged", "warning", "older samples merged", "Older samples are kept as means."),
+)
+
+
+@dataclass(frozen=True)
+class KindInfo:
+    """One kind of simulated disturbance: what `simulate --disturbance` takes."""
+
+    name: str
+    role: Literal["known", "slow", "held_out"]
+
+
+#: known: training and priors know it. slow: a warm-up of minutes, which only the priors of recordings beyond 300 s
+#: know. held_out: kept out of training and of every prior, a test of what nobody has modelled.
+DISTURBANCE_KINDS: tuple[KindInfo, ...] = (
+    *(KindInfo(name, "known") for name in ("quiet", "sway", "shock", "warmup", "tilt", "mixed")),
+    KindInfo("soak", "slow"),
+    *(KindInfo(name, "held_out") for name in ("square", "ramp", "beat")),
+)
+
+KINDS = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "known")
+SLOW = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "slow")
+HELD_OUT = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "held_out")

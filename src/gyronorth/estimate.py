@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.findings import Finding
 
-#: Parts of sigma that the JSON always names, null where the method or the lack of a profile leaves them unknown.
+#: Error budget that the JSON always names, null where the method or the lack of a profile leaves them unknown.
 PARTS = ("noise", "drift", "turn_on_bias", "levelling")
 
 
@@ -37,24 +38,38 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class Unrest:
-    """What a method that models disturbance (bayes, learned) found in a recording."""
+class SensorErrors:
+    """Errors of the gyro that a method estimated from the recording itself, each with one standard deviation."""
 
-    tones: float  # expected number of sway tones
-    settling: float  # probability that the gyro bias settles
-    tilt: float | None  # probability that the unit tilts slowly; None where the method does not ask
-    walk: float | None  # probability that the gyro bias walks from switch-on; likewise
-    bumps: float  # time left out as bumps, s
-    excess: float  # residual over the sensor's noise, root mean square
-    fits: bool  # whether the method explains the recording
-
-    @property
-    def unsteady(self) -> float:
-        """Probability that the gyro bias changes in a way that averages take for Earth rate."""
-        return self.settling + (self.walk or 0.0)
+    bias: tuple[float, float, float]  # rad/s, body axes
+    bias_sigma: tuple[float, float, float]  # rad/s
+    scale_factor: tuple[float, float, float]  # relative
+    scale_factor_sigma: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
+class DisturbanceFound:
+    """What a method that models disturbance (bayes, learned) found in a recording."""
+
+    sway_tones: float  # expected number
+    settling: float  # probability that the gyro bias settles
+    tilt: float | None  # probability that the unit tilts slowly; None where the method does not ask
+    walk: float | None  # probability that the gyro bias walks from switch-on; likewise
+    masked_s: float  # time left out as bumps, s
+    residual_ratio: float  # residual over the sensor's noise, root mean square
+    explained: bool  # whether the method explains the recording
+
+    @property
+    def drift_probability(self) -> float:
+        """Probability that the gyro bias changes in a way that averages take for Earth rate."""
+        return self.settling + (self.walk or 0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """The object `disturbance` of the JSON."""
+        return {**vars(self), "drift_probability": self.drift_probability}
+
+
+@dataclass(frozen=True, repr=False)
 class HeadingEstimate:
     """The heading of one recording, its uncertainty and the verdict on it. SI and radians."""
 
@@ -76,28 +91,88 @@ class HeadingEstimate:
     poses: tuple[Pose, ...]
     turns: tuple[Turn, ...]
     sigma_parts: dict[str, float]  # rad, at most pi each; the root sum square is sigma where sigma is small
-    gyro_bias: tuple[float, float, float] | None  # rad/s, where the method estimates it
+    sensor_errors: SensorErrors | None  # where the method estimates them
     rate_mean: tuple[float, float, float]  # mean angular rate in the body frame, rad/s
     rate_norm: float  # its norm, rad/s
     implied_latitude: float | None  # asin(-w_down / |w|), rad
-    unrest: Unrest | None = None  # where a method was tried that models disturbance
+    disturbance: DisturbanceFound | None = None  # where a method was tried that models disturbance
 
     @property
     def valid(self) -> bool:
         """Whether there are no reasons to refuse."""
         return not self.reasons
 
+    @property
+    def gyro_bias(self) -> tuple[float, float, float] | None:
+        """Gyro bias, rad/s, body axes, where the method estimates it."""
+        return None if self.sensor_errors is None else self.sensor_errors.bias
+
+    @property
+    def heading_deg(self) -> float | None:
+        """`heading` in degrees."""
+        return _degrees(self.heading)
+
+    @property
+    def sigma_deg(self) -> float | None:
+        """`sigma` in degrees."""
+        return _degrees(self.sigma)
+
+    @property
+    def interval95_deg(self) -> tuple[float, float]:
+        """`interval95` in degrees."""
+        low, high = np.degrees(self.interval95)
+        return float(low), float(high)
+
+    @property
+    def roll_deg(self) -> float | None:
+        """`roll` in degrees."""
+        return _degrees(self.roll)
+
+    @property
+    def pitch_deg(self) -> float | None:
+        """`pitch` in degrees."""
+        return _degrees(self.pitch)
+
+    @property
+    def latitude_deg(self) -> float:
+        """`latitude` in degrees."""
+        return float(np.degrees(self.latitude))
+
+    def __repr__(self) -> str:
+        """The answer on one line, in degrees; `vars()` shows the rest."""
+        verdict = "valid" if self.valid else "refused: " + ", ".join(dict.fromkeys(f.code for f in self.reasons))
+        if self.heading is None or self.sigma is None:
+            return f"HeadingEstimate(no heading, {verdict}, method {self.method})"
+        low, high = self.interval95_deg
+        return (
+            f"HeadingEstimate({self.heading_deg:.2f} deg, sigma {self.sigma_deg:.3g} deg, "
+            f"95 % {low:.2f} to {high:.2f} deg, {verdict}, method {self.method})"
+        )
+
+    def _repr_html_(self) -> str:
+        """The same as a small table, for notebooks."""
+        findings = [("reason", finding) for finding in self.reasons]
+        findings += [("warning", finding) for finding in self.warnings]
+        low, high = self.interval95_deg
+        shown = "none" if self.heading is None else f"{self.heading_deg:.2f}°"
+        spread = "unknown" if self.sigma is None else f"{self.sigma_deg:.3g}°, 95 % {low:.2f}° to {high:.2f}°"
+        rows = [("heading", shown), ("sigma", spread), ("verdict", "valid" if self.valid else "refused")]
+        rows += [("method", f"{self.method} ({self.method_reason})")]
+        rows += [(kind, f"{finding.code}: {finding.message}") for kind, finding in findings]
+        cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
+        return f"<table>{cells}</table>"
+
     def to_json(self) -> dict[str, Any]:
         """The object that `heading --json` prints (schema gyronorth.heading/1), in degrees."""
-        deg = _degrees
+        deg, errors = _degrees, self.sensor_errors
         return {
             "schema": "gyronorth.heading/1",
             "heading_deg": deg(self.heading),
             "sigma_deg": deg(self.sigma),
             "interval95_deg": [deg(self.interval95[0]), deg(self.interval95[1])],
             "valid": self.valid,
-            "reasons": [vars(finding) for finding in self.reasons],
-            "warnings": [vars(finding) for finding in self.warnings],
+            "reasons": [finding.to_json() for finding in self.reasons],
+            "warnings": [finding.to_json() for finding in self.warnings],
             "method": self.method,
             "method_reason": self.method_reason,
             "bundle": self.bundle,
@@ -112,10 +187,14 @@ class HeadingEstimate:
                 {"start_s": pose.start, "end_s": pose.end, "heading_deg": deg(pose.heading)} for pose in self.poses
             ],
             "sigma_parts_deg": {name: deg(value) for name, value in (dict.fromkeys(PARTS) | self.sigma_parts).items()},
-            "gyro_bias_deg_h": None if self.gyro_bias is None else [b / DEG_PER_HOUR for b in self.gyro_bias],
+            "gyro_bias_deg_h": _scaled(errors and errors.bias, DEG_PER_HOUR),
             "rate_mean_deg_h": [rate / DEG_PER_HOUR for rate in self.rate_mean],
             "rate_norm_deg_h": self.rate_norm / DEG_PER_HOUR,
             "implied_latitude_deg": deg(self.implied_latitude),
+            "gyro_bias_sigma_deg_h": _scaled(errors and errors.bias_sigma, DEG_PER_HOUR),
+            "scale_factor_ppm": _scaled(errors and errors.scale_factor, 1e-6),
+            "scale_factor_sigma_ppm": _scaled(errors and errors.scale_factor_sigma, 1e-6),
+            "disturbance": None if self.disturbance is None else self.disturbance.to_json(),
         }
 
 
@@ -139,6 +218,10 @@ class Convergence:
     heading: Array  # rad
     half_width: Array  # of the 95 % interval, rad
     valid: NDArray[np.bool_]
+
+
+def _scaled(values: tuple[float, float, float] | None, unit: float) -> list[float] | None:
+    return None if values is None else [value / unit for value in values]
 
 
 def _degrees(value: float | None) -> float | None:

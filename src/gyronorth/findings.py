@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A reason for refusal, or a warning."""
+    """A reason for refusal, a warning, or a remark of a reader of files."""
 
-    code: str  # one of DESIGN's codes, e.g. "rate_norm"
+    code: str  # one of `gyronorth.catalogue.FINDINGS`
     message: str  # for people, with units
     value: float | None = None  # what was measured
     limit: float | None = None  # what it was held against
+    blocking: bool = False  # a heading must not be called valid before a declaration has settled this
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of the JSON lists `reasons` and `warnings`."""
+        return {"code": self.code, "message": self.message, "value": self.value, "limit": self.limit}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,39 +10,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gyronorth.alignment import registry, verdict
+from gyronorth.alignment.problem import Problem
+from gyronorth.alignment.registry import Options
 from gyronorth.arrays import Array
-from gyronorth.choice import TRAINED, bundle_of, deviated, find
-from gyronorth.conclusion import Found, as_batch, estimate_of
 from gyronorth.conditioning import decimated
 from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, read_sensor
-from gyronorth.solution import (
-    Data,
-    disturbance,
-    mean_alignment,
-    prefers_inertial,
-    saturation_gates,
-    solve_inertial,
-    solve_mean,
-    unknown,
-)
-from gyronorth.specialists import BAYES_LONGEST, BAYES_RATE, BAYES_SHORTEST, bayes_fits
-from gyronorth.validity import length_gate
 
 #: Methods that `heading` offers.
-METHODS = ("auto", "mean", "inertial", "turned", "bayes", *TRAINED)
-#: Latitudes given and stored may differ by this, rad, before it is a mistake.
-LATITUDE_CONFLICT = np.radians(0.1)
+METHODS = tuple(registry.METHODS)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
 GROUP_SAMPLES = 1_500_000
 
 
 def heading(
-    recording: Recording,
+    recording: Recording | str | os.PathLike[str] | ArrayLike,
     *,
+    rate_hz: float | None = None,
+    accel_b: ArrayLike | None = None,
     latitude: float | None = None,
     sensor: Sensor | str | None = None,
     method: str = "auto",
@@ -54,8 +44,13 @@ def heading(
 
     Parameters
     ----------
-    recording : Recording
-        Angular rate and, if there is one, specific force.
+    recording : Recording, path, or array_like of shape (n, 3)
+        Angular rate and, if there is one, specific force: a recording, a file that `read` opens with nothing
+        declared, or the angular rate in the body frame, rad/s.
+    rate_hz : float, optional
+        Sample rate of an array, Hz.
+    accel_b : array_like, shape (n, 3), optional
+        Specific force beside an array, m/s^2.
     latitude : float, optional
         Geodetic latitude, rad; taken from the recording when left out.
     sensor : Sensor or str, optional
@@ -64,8 +59,8 @@ def heading(
     method : str
         One of `METHODS`. "auto" takes "turned" if the recording holds two or more poses; else
         "learned" ("bayes", where that cannot explain it or is not installed) if the bias settles
-        or walks; else, if it is disturbed, of these, "inertial" and "mean" the one whose own sigma
-        is smallest; else "mean".
+        or walks; else, if it is disturbed, of these, "inertial" and "mean", as far as they are not refused,
+        the one whose own sigma is smallest; else "mean".
     model : str or Path, optional
         Bundle for "learned", "paper" and "baseline"; without one, that which ships with the package.
     attitude : tuple of float, optional
@@ -85,31 +80,24 @@ def heading(
     InputError
         If the latitude is missing, out of range or contradicts the recording, the method is
         unknown or cannot work on this recording; or the heading would be valid but for a note
-        of the reader that wants a declaration (`Note.blocking`).
+        of the reader that wants a declaration (`Finding.blocking`).
     """
-    data = Data(
+    recording = _as_recording(recording, rate_hz, accel_b)
+    problem = Problem(
         recording.gyro_b,
         recording.accel_b,
         recording.rate_hz,
-        _latitude(latitude, recording),
+        recording.latitude_given(latitude),
         None if sensor is None else read_sensor(sensor),
         attitude,
+        recording.session,
     )
-    _check_method(method, data, model)
-    if turn_angles is not None and method not in ("auto", "turned"):
-        raise InputError(f"Turn angles belong to method turned, or auto; method {method} was given. Leave them out.")
-    short = length_gate(data.gyro_b.shape[-2], data.duration, ())
-    if short.failed:
-        found = Found("mean", replace(unknown(mean_alignment(data)), gates=[short]), "too short for any other")
-    else:
-        found = find(method, data, model, turn_angles, session=recording.session)
-    if deviation is not None:
-        found = deviated(found, data, deviation, session=recording.session)
-    estimate = estimate_of(recording, data, found)
+    result = registry.solve(method, problem, _options(model, turn_angles, deviation))
+    found = verdict.estimate(problem, result, notes=recording.notes, start_time_utc=recording.start_time_utc)
     for note in recording.notes:
-        if note.blocking and estimate.valid:
+        if note.blocking and found.valid:
             raise InputError(note.message)
-    return estimate
+    return found
 
 
 def heading_batch(
@@ -136,8 +124,7 @@ def heading_batch(
     sensor : Sensor or str, optional
         As in `heading`.
     method : str
-        As in `heading`; "auto" takes every recording for one pose and chooses of "mean" and
-        "inertial".
+        As in `heading`, and with the same answers.
     model : str or Path, optional
         As in `heading`.
 
@@ -160,17 +147,15 @@ def heading_batch(
         )
     _check_batch({"gyro_b": gyro} if accel is None else {"gyro_b": gyro, "accel_b": accel}, rate_hz)
     _check_latitude(latitude)
+    options = _options(model, None, None)
+    _check_session(method, options)
     profile = None if sensor is None else read_sensor(sensor)
     group = max(1, GROUP_SAMPLES // gyro.shape[1])
     pieces = []
     for start in range(0, len(gyro), group):
         part = slice(start, start + group)
-        data = Data(gyro[part], None if accel is None else accel[part], rate_hz, latitude, profile)
-        _check_method(method, data, model)
-        if method in ("auto", "mean", "inertial"):
-            pieces.append(_batch(method, data))
-        else:
-            pieces += [_one_of_batch(method, data, model, index) for index in range(len(data.gyro_b))]
+        problem = Problem(gyro[part], None if accel is None else accel[part], rate_hz, latitude, profile)
+        pieces.append(verdict.batch(problem, registry.solve_batch(method, problem, options)))
     return HeadingBatch(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in vars(pieces[0])))
 
 
@@ -217,20 +202,42 @@ def convergence(
     )
 
 
-def _check_method(method: str, data: Data, model: str | Path | None) -> None:
-    if method not in METHODS:
-        raise InputError(f"Method {method!r} is not known; one of {', '.join(METHODS)} is expected.")
-    if model is not None and method not in TRAINED:
-        raise InputError(f"A bundle was given, but method {method} runs none; {' and '.join(TRAINED)} do.")
-    if method == "inertial" and data.accel_b is None:
+def _as_recording(
+    source: Recording | str | os.PathLike[str] | ArrayLike, rate_hz: float | None, accel_b: ArrayLike | None
+) -> Recording:
+    """What `heading` was given, as a recording."""
+    given = isinstance(source, Recording | str | os.PathLike)
+    if given and (rate_hz is not None or accel_b is not None):
         raise InputError(
-            "Method 'inertial' traces gravity and needs specific force; the recording has angular rate only. "
-            "Use --method mean."
+            "rate_hz and accel_b belong to an array of rates; a recording or a file brings its own. Leave them out."
         )
-    if method == "bayes" and not bayes_fits(data):
+    if isinstance(source, Recording):
+        return source
+    if isinstance(source, str | os.PathLike):
+        from gyronorth.readers import read
+
+        return read(os.fspath(source))
+    if rate_hz is None:
+        raise InputError("An array of rates came without rate_hz; give the sample rate in Hz.")
+    return Recording(source, accel_b, rate_hz)  # type: ignore[arg-type]  # it checks and converts
+
+
+def _options(
+    model: str | Path | None, turn_angles: Sequence[float] | None, deviation: DeviationModel | None
+) -> Options:
+    angles = None if turn_angles is None else tuple(float(angle) for angle in turn_angles)
+    return Options(None if model is None else Path(model), angles, deviation)
+
+
+def _check_session(method: str, options: Options) -> None:
+    """A bundle's deviation curve holds for one session, and a batch names none."""
+    if options.bundle is None or not registry.METHODS.info(method).takes_bundle:
+        return
+    from gyronorth.alignment.networks.bundle import read_bundle
+
+    if read_bundle(options.bundle).deviation is not None:
         raise InputError(
-            f"Method 'bayes' works on {BAYES_SHORTEST:g} to {BAYES_LONGEST:g} s at {BAYES_RATE:g} Hz or more; the "
-            f"recording has {data.duration:g} s at {data.rate_hz:g} Hz. Cut it with --window, or use --method mean."
+            "The bundle corrects recordings of one session, and a batch says none. Use `heading` with each recording."
         )
 
 
@@ -254,60 +261,3 @@ def _check_batch(arrays: dict[str, Array], rate_hz: float) -> None:
                 f"{name}[{run}, {sample}, {axis}] is {array[run, sample, axis]}; finite numbers are expected. "
                 "Leave that recording out, or repair it."
             )
-
-
-def _latitude(given: float | None, recording: Recording) -> float:
-    stored = recording.latitude
-    if given is None and stored is None:
-        raise InputError(
-            "The latitude is not known: neither given nor in the file. Pass --latitude DEG (north positive); "
-            "Earth rate cannot be read without it."
-        )
-    if given is not None:
-        _check_latitude(given)
-    if given is not None and stored is not None and abs(given - stored) > LATITUDE_CONFLICT:
-        raise InputError(
-            f"Latitude {np.degrees(given):.4f} deg was given, but {recording.source or 'the recording'} says "
-            f"{np.degrees(stored):.4f} deg; they differ by more than 0.1 deg. Correct one of them."
-        )
-    return float(stored if given is None else given)  # type: ignore[arg-type]
-
-
-def _one_of_batch(method: str, data: Data, model: str | Path | None, index: int) -> HeadingBatch:
-    one = replace(data, gyro_b=data.gyro_b[index], accel_b=None if data.accel_b is None else data.accel_b[index])
-    if method == "learned" and bundle_of(method, model).deviation is not None:
-        raise InputError(
-            "The bundle corrects recordings of one session, and a batch says none. Use `heading` with each recording."
-        )
-    found = find(method, one, model, None)
-    single = as_batch(found.solution, saturation_gates(one), np.asarray(method))
-    return HeadingBatch(*(np.asarray(value)[None] for value in vars(single).values()))
-
-
-def _batch(method: str, data: Data) -> HeadingBatch:
-    found = mean_alignment(data)
-    shape = found.heading.shape
-    short = length_gate(data.gyro_b.shape[-2], data.duration, shape)
-    names = np.full(shape, "mean", dtype="<U16")
-    if short.failed.any():
-        return as_batch(unknown(found), [short], names)
-    moved = disturbance(data, found)
-    mean = solve_mean(data, found, moved)
-    extra = saturation_gates(data)
-    result = as_batch(mean, extra, names)
-    asked = np.full(shape, method == "inertial" or (method == "auto" and data.sensor is None)) | moved.detected
-    if method == "mean" or data.accel_b is None or not asked.any():
-        return result
-    # Only what may take the other method pays for it.
-    some = replace(data, gyro_b=data.gyro_b[asked], accel_b=data.accel_b[asked])
-    found = mean_alignment(some)
-    moved = disturbance(some, found)
-    traced = solve_inertial(some, moved)
-    take = np.ones(asked.sum(), bool)
-    if method == "auto":
-        take = prefers_inertial(some, moved, solve_mean(some, found, moved), traced)
-    other = as_batch(traced, saturation_gates(some), np.full(asked.sum(), "inertial", dtype="<U16"))
-    rows = np.flatnonzero(asked)[take]
-    for name, values in vars(other).items():
-        getattr(result, name)[rows] = values[take]
-    return result

@@ -9,12 +9,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.turned_plan import turned_sigma
+from gyronorth.alignment.gates import WIDEST_HALF_WIDTH
+from gyronorth.alignment.turned.bound import turned_sigma
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.uncertainty import heading_sigma_parts, von_mises
-from gyronorth.validity import WIDEST_HALF_WIDTH
 
 Method = Literal["mean", "inertial"]
 

@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.errors import InputError as InputError
+from gyronorth.findings import Finding
 
+#: The former name of `gyronorth.findings.Finding` where a reader remarks on a file.
+Note = Finding
+
+#: Latitudes given and stored may differ by this, rad, before it is a mistake.
+LATITUDE_CONFLICT = np.radians(0.1)
 #: Sample rates outside these bounds, Hz, are taken for a mistake (milliseconds for seconds, a damaged field).
 SLOWEST_RATE_HZ = 1e-3
 FASTEST_RATE_HZ = 1e6
@@ -22,17 +28,6 @@ class Gap:
 
     start: float  # s from the start of the recording
     samples: int  # how many samples were missing
-
-
-@dataclass(frozen=True)
-class Note:
-    """A remark of the reader, shown to the user as a warning with its code."""
-
-    code: str  # axes_suspect, rows_dropped, gaps_bridged, time_jitter, cut_off, log_time_used
-    message: str
-    value: float | None = None  # the measured figure, in the unit that the message names
-    limit: float | None = None  # the limit beside it
-    blocking: bool = False  # a heading must not be called valid before a declaration has settled this
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +51,7 @@ class Recording:
     source: str = ""  # file name, for messages and reports
     rows_dropped: int = 0  # rows left out on the user's request
     gaps: tuple[Gap, ...] = ()  # bridged gaps
-    notes: tuple[Note, ...] = ()  # remarks of the reader, shown as warnings
+    notes: tuple[Finding, ...] = ()  # remarks of the reader, shown as warnings
 
     def __post_init__(self) -> None:
         for name in ("gyro_b", "accel_b"):
@@ -82,6 +77,31 @@ class Recording:
     def duration(self) -> float:
         """Length in s: number of samples over the rate."""
         return len(self.gyro_b) / self.rate_hz
+
+    def latitude_given(self, given: float | None) -> float:
+        """The latitude to work with, rad: the one given, or else that of the file.
+
+        Raises
+        ------
+        InputError
+            If neither is known, the given one is out of range, or the two differ by more than `LATITUDE_CONFLICT`.
+        """
+        if given is not None and not abs(given) <= np.pi / 2:
+            raise InputError(
+                f"The latitude is {given:g} rad, {np.degrees(given):g} deg; a value in [-90, 90] deg, given in rad, "
+                "is expected."
+            )
+        if given is None and self.latitude is None:
+            raise InputError(
+                "The latitude is not known: neither given nor in the file. Pass --latitude DEG (north positive); "
+                "Earth rate cannot be read without it."
+            )
+        if given is not None and self.latitude is not None and abs(given - self.latitude) > LATITUDE_CONFLICT:
+            raise InputError(
+                f"Latitude {np.degrees(given):.4f} deg was given, but {self.source or 'the recording'} says "
+                f"{np.degrees(self.latitude):.4f} deg; they differ by more than 0.1 deg. Correct one of them."
+            )
+        return float(self.latitude if given is None else given)  # type: ignore[arg-type]
 
     def window(self, start: float, end: float) -> Recording:
         """The samples in [start, end) s, the start time and the gaps kept in step.
@@ -125,14 +145,14 @@ def window_samples(start: float, end: float, *, rate_hz: float, samples: int) ->
     )
 
 
-def gap_notes(gaps: Sequence[Gap], *, samples: int) -> tuple[Note, ...]:
+def gap_notes(gaps: Sequence[Gap], *, samples: int) -> tuple[Finding, ...]:
     """The warning that `gaps` deserve in a recording of `samples` samples: none or one note."""
     missing = sum(gap.samples for gap in gaps)
     if missing == 0:
         return ()
     longest = max(gaps, key=lambda gap: gap.samples)
     return (
-        Note(
+        Finding(
             "gaps_bridged",
             f"{missing} of {samples} samples were missing in {len(gaps)} gap(s) and are bridged by straight lines; "
             f"the longest, of {longest.samples} samples, begins at {longest.start:g} s.",

@@ -17,7 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gyronorth.alignment.turned_segments import CHUNK
+from gyronorth.alignment import registry, verdict
+from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, saturation_gates
+from gyronorth.alignment.problem import Problem
+from gyronorth.alignment.registry import LENGTH_SLACK, Options
+from gyronorth.alignment.turned.segments import CHUNK
 from gyronorth.arrays import Array
 from gyronorth.attitude import from_rotation_vector, multiply
 from gyronorth.conditioning import block_means
@@ -26,12 +30,8 @@ from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.errors import InputError
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
-from gyronorth.pipeline import heading
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, read_sensor
-from gyronorth.solution import Data, saturation_gates
-from gyronorth.specialists import BAYES_LONGEST, BAYES_RATE
-from gyronorth.validity import FEWEST_SAMPLES, SHORTEST
 
 #: Rows that the store holds at most, and with them the work of one estimate and the memory.
 MOST_ROWS = 24_000
@@ -39,8 +39,8 @@ MOST_ROWS = 24_000
 WAITING = 1024
 #: Poses that the fit of a turned recording takes at most; what lies before them is dropped.
 MOST_POSES = 16
-#: Methods that look at the last window of a recording only.
-LAST_WINDOW = ("bayes", "paper", "baseline")
+#: Rate, Hz, below which rows of a method that looks at its last window are not merged: older ones are dropped.
+STEADY_RATE = 3.0
 #: Points of the traces at most.
 TRACE_POINTS = 1000
 #: Shortest piece of the trace of the rate norm, s.
@@ -95,15 +95,19 @@ class StreamingHeading:
         self.latitude = float(latitude)
         self.accelerometer = accelerometer
         self._sensor = None if sensor is None else read_sensor(sensor)
-        self._method, self._attitude, self._model = method, attitude, model
+        self._method, self._attitude = method, attitude
+        self._model = None if model is None else Path(model)
         self._deviation, self._session = deviation, session
-        trial = "auto" if method == "turned" else method  # one pose alone tells a fit of turns nothing
-        self._align(_still_unit(self.rate_hz, self.latitude, accelerometer), trial)
+        trial = _still_unit(self.rate_hz, self.latitude, accelerometer)
         self.restart()
+        # One pose alone tells a fit of turns nothing.
+        trial_method = "auto" if method == "turned" and attitude is None else method
+        self._solved(self._of(trial.gyro_b, trial.accel_b, trial.rate_hz), trial_method)
 
     def restart(self) -> None:
         """Forget all samples and the trace."""
-        lowest_hz = BAYES_RATE if self._method in LAST_WINDOW else 0.0
+        info = registry.METHODS.info(self._method)
+        lowest_hz = STEADY_RATE if info.memory == "last_window" else 0.0
         self._store = _Store(self.rate_hz, 6 if self.accelerometer else 3, lowest_hz)
         self._trace: list[tuple[float, float, float, bool]] = []
         self._spacing = 0.0
@@ -165,49 +169,36 @@ class StreamingHeading:
         times: Array = (store.dropped + middle * size * store.size) / self.rate_hz
         return times, np.linalg.norm(rate_b, axis=1)
 
-    def _align(self, recording: Recording, method: str) -> HeadingEstimate:
-        return heading(
-            replace(recording, session=self._session),
-            sensor=self._sensor,
-            method=method,
-            model=self._model,
-            attitude=self._attitude,
-            deviation=self._deviation,
-        )
+    def _solved(self, problem: Problem, method: str) -> HeadingEstimate:
+        """The estimate of the rows, with the peaks and the rate of the samples that they are made of."""
+        options = Options(self._model, None, self._deviation)
+        result = registry.solve(method, problem, options)
+        return verdict.estimate(problem, result, peaks=self._store.peaks, rate_hz=self.rate_hz)
 
     def _found(self) -> HeadingEstimate:
         store = self._store
         if store.count == 0:
             return self._too_short(f"no sample has come yet; at least {FEWEST_SAMPLES} and {SHORTEST:g} s are needed.")
-        recording = self._recording()
-        if self._method == "bayes" and recording.duration > BAYES_LONGEST + 1:
-            recording = recording.window(recording.duration - BAYES_LONGEST, recording.duration)
+        problem, info = self._problem(), registry.METHODS.info(self._method)
+        if info.memory == "last_window" and problem.duration > info.longest_s + LENGTH_SLACK:
+            problem = problem.part(-info.longest_s)
         try:
-            found = self._align(recording, self._method)
+            found = self._solved(problem, self._method)
         except InputError as error:  # the settings are right, so it is the recording that will not do yet
             return self._too_short(str(error))
         if found.method == "turned" and len(found.poses) > MOST_POSES:
             store.drop(round(found.poses[-MOST_POSES].start * store.rate_hz))
             return self._found()
-        reasons = [finding for finding in found.reasons if finding.code != "saturated"]
-        return replace(
-            found,
-            rate_hz=self.rate_hz,
-            reasons=(*reasons, *self._saturated()),
-            warnings=(*found.warnings, *self._limits(recording.duration)),
-        )
+        return replace(found, warnings=(*found.warnings, *self._limits(problem.duration)))
 
-    def _recording(self) -> Recording:
-        """The rows as a recording."""
+    def _problem(self) -> Problem:
+        """The rows as a problem."""
         store = self._store
         gyro_b, accel_b = store.rows[: store.count, :3], store.rows[: store.count, 3:]
-        return Recording(gyro_b, accel_b if self.accelerometer else None, store.rate_hz, latitude=self.latitude)
+        return self._of(gyro_b, accel_b if self.accelerometer else None, store.rate_hz)
 
-    def _saturated(self) -> list[Finding]:
-        """Findings of the largest sample: rows are means and do not show it."""
-        peak = np.broadcast_to(self._store.peak[:, None, None], (2, 1, 3))
-        data = Data(peak[0], peak[1] if self.accelerometer else None, self.rate_hz, self.latitude, self._sensor)
-        return [finding for gate in saturation_gates(data) if (finding := gate.finding())]
+    def _of(self, gyro_b: Array, accel_b: Array | None, rate_hz: float) -> Problem:
+        return Problem(gyro_b, accel_b, rate_hz, self.latitude, self._sensor, self._attitude, self._session)
 
     def _limits(self, used: float) -> list[Finding]:
         """Warnings of what was left out, where `used` s are left."""
@@ -232,29 +223,21 @@ class StreamingHeading:
         store = self._store
         message = f"No heading after {self.duration:.2f} s: {why}"
         rate = store.rows[: store.count, :3].mean(axis=0) if store.count else np.zeros(3)
-        return HeadingEstimate(
-            heading=None,
-            sigma=None,
-            interval95=(0.0, 2 * np.pi),
-            reasons=(Finding("too_short", message, self.duration, SHORTEST), *self._saturated()),
-            warnings=tuple(self._limits(store.duration)),
+        found = verdict.refusal(
+            Finding("too_short", message, self.duration, SHORTEST),
             method=self._method,
-            method_reason="too short",
-            bundle=None,
-            roll=None,
-            pitch=None,
             latitude=self.latitude,
-            sensor=None if self._sensor is None else self._sensor.name,
             duration=self.duration,
             rate_hz=self.rate_hz,
-            end_time_utc=None,
-            poses=(),
-            turns=(),
-            sigma_parts={},
-            gyro_bias=None,
+            sensor=None if self._sensor is None else self._sensor.name,
+        )
+        saturated = (gate.finding() for gate in saturation_gates(self._sensor, store.peaks))
+        return replace(
+            found,
+            reasons=(*found.reasons, *(finding for finding in saturated if finding)),
+            warnings=tuple(self._limits(store.duration)),
             rate_mean=(float(rate[0]), float(rate[1]), float(rate[2])),
             rate_norm=float(np.linalg.norm(rate)),
-            implied_latitude=None,
         )
 
     def _remember(self, found: HeadingEstimate) -> None:
@@ -290,6 +273,12 @@ class _Store:
     def rate_hz(self) -> float:
         """Rate of the rows, Hz."""
         return self._sample_hz / self.size
+
+    @property
+    def peaks(self) -> tuple[Array, Array | None]:
+        """Largest component of angular rate and specific force, which rows, being means, do not show."""
+        accel = np.asarray(self.peak[1]) if self.rows.shape[1] > 3 else None
+        return np.asarray(self.peak[0]), accel
 
     @property
     def duration(self) -> float:

@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.earth import EARTH_RATE, earth_rate_n
-from gyronorth.validity import (
+from gyronorth.alignment.error_budget import TURN_LIMITS
+from gyronorth.alignment.gates import (
     implied_latitude,
-    length_gate,
+    length_finding,
     motion_gate,
     rate_gates,
     saturation_gate,
     width_gates,
 )
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.earth import EARTH_RATE, earth_rate_n
 
 LATITUDE = np.radians(32.11)
 RATE = earth_rate_n(LATITUDE)
@@ -90,10 +91,8 @@ def test_a_wide_interval_is_refused_for_what_would_cure_it():
 
 def test_motion_limit_grows_with_sigma_and_is_generous_in_the_inertial_frame():
     def fails(excursion_deg, sigma_deg, inertial):
-        gate = motion_gate(
-            np.asarray(np.radians(excursion_deg)), np.asarray(np.radians(sigma_deg)), inertial=np.asarray(inertial)
-        )
-        return bool(gate.failed)
+        limit = TURN_LIMITS["inertial" if inertial else "mean"](np.asarray(np.radians(sigma_deg)))
+        return bool(motion_gate(np.asarray(np.radians(excursion_deg)), limit).failed)
 
     # sqrt(0.5 deg) = 5.35 deg for a precise heading, sqrt(5 deg) = 16.9 deg for a coarse one.
     assert not fails(5.3, 0.1, False)
@@ -105,9 +104,9 @@ def test_motion_limit_grows_with_sigma_and_is_generous_in_the_inertial_frame():
 
 
 def test_too_few_samples_or_seconds():
-    assert length_gate(15, 100.0, ()).failed
-    assert length_gate(1000, 1.9, ()).failed
-    assert not length_gate(16, 2.0, ()).failed
+    assert length_finding(15, 100.0).limit == pytest.approx(16 * 100 / 15)
+    assert length_finding(1000, 1.9).limit == 2.0
+    assert length_finding(16, 2.0) is None
 
 
 def test_saturation():

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from gyronorth.alignment.diffusion import Normalisation, Sampler, Schedule, denoise, reverse, white_noise
+from gyronorth.alignment.networks.diffusion import Normalisation, Sampler, Schedule, denoise, reverse, white_noise
 
 diffusers = pytest.importorskip("diffusers", reason="diffusers, the oracle of the samplers, comes with the extra dev")
 

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from gyronorth.alignment.bundle import read_bundle  # noqa: E402
-from gyronorth.alignment.evidence import network_axes  # noqa: E402
+from gyronorth.alignment.networks.bundle import read_bundle  # noqa: E402
+from gyronorth.alignment.tones.evidence import network_axes  # noqa: E402
 from gyronorth.learn import disturbed  # noqa: E402
 from gyronorth.learn.disturbed import DisturbedSettings, draw_batch, export_proposal, loss_of, make_bundle, train  # noqa: E402
 from gyronorth.learn.proposal import Proposal  # noqa: E402

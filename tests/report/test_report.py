@@ -16,7 +16,7 @@ from pynmeagps import NMEAReader
 
 from gyronorth.allan import allan_deviation
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.estimate import Convergence, HeadingEstimate, Pose, Turn, Unrest
+from gyronorth.estimate import Convergence, DisturbanceFound, HeadingEstimate, Pose, Turn
 from gyronorth.findings import Finding
 from gyronorth.report import figures, nmea, tables, terminal, wording
 from gyronorth.report.html import heading_page
@@ -42,7 +42,7 @@ VALID = HeadingEstimate(
     poses=(Pose(0.0, 100.0, radians(40.31)),),
     turns=(),
     sigma_parts={"noise": radians(0.54), "drift": radians(0.9), "turn_on_bias": radians(4.4), "levelling": 0.0},
-    gyro_bias=None,
+    sensor_errors=None,
     rate_mean=(9.7 * DEG_PER_HOUR, -8.2 * DEG_PER_HOUR, -8.0 * DEG_PER_HOUR),
     rate_norm=15.03 * DEG_PER_HOUR,
     implied_latitude=radians(32.0),
@@ -180,7 +180,7 @@ class TestTerminal:
         assert lines["verdict"] == "refused: do not use this heading"
         assert lines["heading"] == "358.96 deg (refused)"
         assert lines["reason"] == f"rate_norm: {RATE_NORM.message}"
-        assert lines["truth in the file"] == "43.00 deg, error -44.04 deg"
+        assert lines["reference heading"] == "43.00 deg, error -44.04 deg"
 
     def test_panel_on_a_terminal(self):
         class Screen(io.StringIO):
@@ -337,8 +337,8 @@ class TestPage:
 
 
 def test_page_shows_the_disturbance_that_was_found():
-    found = Unrest(tones=1.9, settling=0.98, tilt=0.02, walk=None, bumps=2.0, excess=1.04, fits=True)
-    page = heading_page(Outcome("a.csv", replace(VALID, method="learned", unrest=found)), CONVERGENCE)
+    found = DisturbanceFound(1.9, 0.98, 0.02, None, masked_s=2.0, residual_ratio=1.04, explained=True)
+    page = heading_page(Outcome("a.csv", replace(VALID, method="learned", disturbance=found)), CONVERGENCE)
     cells = dict(re.findall(r"<tr><td>([^<]*)</td><td class=\"n\">([^<]*)</td></tr>", page))
     assert cells["sway tones, expected number"] == "1.9"
     assert cells["the bias settles, probability"] == "0.98"
@@ -376,7 +376,7 @@ def test_hopeless_numbers_stay_readable():
     """A gyro that reads zero: a part of sigma of any size, negative zeros, no implied latitude."""
     hopeless = replace(UNKNOWN, sigma_parts={"turn_on_bias": 1e150}, pitch=-0.0)
     lines = dict(wording.heading_lines(Outcome("zero.csv", hopeless)))
-    assert lines["parts of sigma"] == "turn-on bias > 180 deg"
+    assert lines["error budget"] == "turn-on bias > 180 deg"
     assert lines["roll, pitch"] == "unknown, 0.00 deg"
     page = heading_page(Outcome("zero.csv", hopeless), replace(CONVERGENCE, heading=np.full(4, np.nan)))
     assert "&gt; 180°" in page

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gyronorth.alignment.result import Attitude
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array
 from gyronorth.attitude import level, mat_lb
-
-
-@dataclass(frozen=True)
-class Levelled:
-    """What an alignment found, arrays over recordings."""
-
-    heading: Array  # (...,) rad in [0, 2 pi), clockwise from true north
-    roll: Array  # (...,) rad
-    pitch: Array  # (...,) rad
-    rate_l: Array  # (..., 3) Earth's rotation as seen in the level frame, rad/s
-    measured_variance: Array | None  # (...,) of a horizontal rate component from the residuals, (rad/s)^2
 
 
 def gyrocompass(rate_b: ArrayLike, *, roll: ArrayLike, pitch: ArrayLike) -> Array:
@@ -51,7 +39,7 @@ def gyrocompass(rate_b: ArrayLike, *, roll: ArrayLike, pitch: ArrayLike) -> Arra
     return wrap_heading(np.arctan2(sin_heading, cos_heading))
 
 
-def align_mean(gyro_b: Array, accel_b: Array | None, *, attitude: tuple[float, float] | None = None) -> Levelled:
+def align_mean(gyro_b: Array, accel_b: Array | None, *, attitude: tuple[float, float] | None = None) -> Attitude:
     """Plain averaging: level by the mean specific force, then `gyrocompass` the mean rate.
 
     Parameters
@@ -69,4 +57,4 @@ def align_mean(gyro_b: Array, accel_b: Array | None, *, attitude: tuple[float, f
     else:
         roll, pitch = level(accel_b.mean(axis=-2))
     rate_l = np.einsum("...ij,...j->...i", mat_lb(roll, pitch), rate_b)
-    return Levelled(gyrocompass(rate_b, roll=roll, pitch=pitch), roll, pitch, rate_l, None)
+    return Attitude(gyrocompass(rate_b, roll=roll, pitch=pitch), roll, pitch, rate_l)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.alignment.closed_form import Levelled
+from gyronorth.alignment.result import Attitude
 from gyronorth.angles import circular_mean
 from gyronorth.arrays import Array
 from gyronorth.attitude import attitude_path, conjugate, from_rotation_vector, rotate
@@ -20,7 +20,7 @@ from gyronorth.earth import EARTH_RATE, earth_rate_n
 FIT_RATE = 4.0
 
 
-def align_inertial(gyro_b: Array, accel_b: Array, *, rate_hz: float, latitude: float) -> Levelled:
+def align_inertial(gyro_b: Array, accel_b: Array, *, rate_hz: float, latitude: float) -> Attitude:
     """Attitude by tracing gravity in an inertial frame (Wahba's problem, solved by SVD).
 
     Parameters
@@ -34,7 +34,7 @@ def align_inertial(gyro_b: Array, accel_b: Array, *, rate_hz: float, latitude: f
 
     Returns
     -------
-    Levelled
+    Attitude
         Heading, roll and pitch are means over the record. `rate_l` has the vertical rate of
         the plain mean; its horizontal size is that of gravity's motion, fitted freely, so
         that it can be compared with Omega cos(lat).
@@ -67,7 +67,7 @@ def align_inertial(gyro_b: Array, accel_b: Array, *, rate_hz: float, latitude: f
     vertical = _vertical_rate(gyro_b, accel_b)
     rate_l = np.stack([horizontal * np.cos(heading), -horizontal * np.sin(heading), vertical], axis=-1)
     variance = slope_variance((traced - expected)[..., :2], duration=n / rate_hz)
-    return Levelled(heading, roll, pitch, rate_l, variance)
+    return Attitude(heading, roll, pitch, rate_l, variance)
 
 
 def _earth_turn(latitude: float, time: Array) -> Array:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gyronorth.cli.options import DEG_PER_HOUR, SITE, Method, triple
+from gyronorth.catalogue import METHODS
+from gyronorth.cli.options import DEG_PER_HOUR, SITE, triple
 
 if TYPE_CHECKING:
     from gyronorth.deviation import DeviationModel
@@ -41,8 +42,8 @@ AnySession = Annotated[
 
 
 def curve_and_method(
-    path: Path | None, method: Method, reading: ReadOptions, *, any_session: bool, biased: bool
-) -> tuple[DeviationModel | None, Method]:
+    path: Path | None, method: str, reading: ReadOptions, *, any_session: bool, biased: bool
+) -> tuple[DeviationModel | None, str]:
     """The curve asked for, where it may be applied, and the method it corrects."""
     from gyronorth.deviation import ANY_SESSION, read_deviation
     from gyronorth.errors import InputError
@@ -56,9 +57,9 @@ def curve_and_method(
         return None, method
     if biased:
         raise InputError(f"--gyro-bias and --deviation were both given: {TWICE} Give one of them.")
-    if method not in (Method.auto, Method.mean):
+    if method != "auto" and not any(info.name == method and info.corrected_by_deviation for info in METHODS):
         raise InputError(
-            f"A deviation curve corrects the closed form, but the method is {method.value}. Use --method mean with it."
+            f"A deviation curve corrects the closed form, but the method is {method}. Use --method mean with it."
         )
     curve = read_deviation(path)
     measured = reading.boresight if curve.boresight is None else curve.boresight
@@ -68,12 +69,12 @@ def curve_and_method(
             f"{path.name} was measured with --boresight {theirs}, but this is {ours}: the curve holds for the headings "
             f"of that mounting. Give --boresight {theirs} here too, or calibrate anew."
         )
-    return replace(curve, session=ANY_SESSION) if any_session else curve, Method.mean
+    return replace(curve, session=ANY_SESSION) if any_session else curve, "mean"
 
 
 def check_bias(model: Path) -> None:
     """Refuse a known bias where a bundle brings a deviation curve."""
-    from gyronorth.alignment.bundle import read_bundle
+    from gyronorth.alignment.networks.bundle import read_bundle
     from gyronorth.errors import InputError
 
     if read_bundle(model).deviation is not None:

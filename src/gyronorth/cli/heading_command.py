@@ -19,7 +19,7 @@ from gyronorth.cli.options import (
     PLOT_SUFFIXES,
     SITE,
     Json,
-    Method,
+    MethodName,
     Pitch,
     Plot,
     Roll,
@@ -88,7 +88,7 @@ class Request:
 def heading(
     source: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help="A recording, or a folder of recordings.")],
     sensor: SensorName = None,
-    method: Annotated[Method, typer.Option(help="auto takes what fits the recording.")] = Method.auto,
+    method: MethodName = "auto",
     as_json: Json = False,
     csv: Annotated[
         Path | None, typer.Option(metavar="OUT.csv", help="Write a table, one row per file.", rich_help_panel=OUTPUT)
@@ -142,9 +142,9 @@ def heading(
     attitude = None if roll is None else (roll, pitch)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    if biased and method is Method.learned and model is not None:
+    if biased and method == "learned" and model is not None:
         check_bias(model)
-    request = Request(reading, _sensor(sensor), method.value, gyro_bias, attitude, model, turn_angles, curve)
+    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve)
     if folder:
         return _folder(source, request, as_json=as_json, csv=csv)
     return _file(source, request, as_json=as_json, nmea=nmea, csv=csv, plot=plot, report=report)
@@ -209,7 +209,9 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
 
 def _along_time(estimate: HeadingEstimate) -> str:
     """The method whose convergence is drawn: one that takes records of any length."""
-    return estimate.method if estimate.method in ("inertial", "turned") else "mean"
+    from gyronorth.alignment.registry import METHODS
+
+    return METHODS.info(estimate.method).along_time
 
 
 def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) -> int:

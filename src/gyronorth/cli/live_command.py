@@ -13,7 +13,7 @@ from gyronorth.cli.app import app
 from gyronorth.cli.correction import AnySession, Deviation, GyroBias, curve_and_method
 from gyronorth.cli.options import (
     OUTPUT,
-    Method,
+    MethodName,
     SensorName,
     number,
     with_reading,
@@ -43,7 +43,7 @@ def live(
         ),
     ],
     sensor: SensorName = None,
-    method: Annotated[Method, typer.Option(help="auto takes what fits the recording.")] = Method.auto,
+    method: MethodName = "auto",
     gyro_bias: GyroBias = None,
     deviation: Deviation = None,
     any_session: AnySession = False,
@@ -133,7 +133,7 @@ def live(
     profile = None if sensor is None else read_sensor(sensor)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    session = Session(opened, Settings(reading, profile, method.value, gyro_bias, curve, save))
+    session = Session(opened, Settings(reading, profile, method, gyro_bias, curve, save))
     server = _page(session, host=host, port=int(port), token=token) if page else None
     out = None
     if nmea_out is not None:

@@ -9,13 +9,14 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Callable
-from enum import StrEnum
 from functools import wraps
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from gyronorth.catalogue import METHODS
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -26,17 +27,28 @@ CHUNK_SAMPLES = 1 << 18
 DEG_PER_HOUR = radians(1) / 3600  # rad/s; the same as angles.DEG_PER_HOUR, which would load numpy for --help
 
 
-class Method(StrEnum):
-    """How a heading may be found."""
+def method_name(text: str) -> str:
+    """The name of a method of the catalogue, or of one that is registered from outside."""
+    if text in (info.name for info in METHODS):
+        return text
+    from gyronorth.alignment import registry
+    from gyronorth.errors import InputError
 
-    auto = "auto"
-    mean = "mean"
-    inertial = "inertial"
-    turned = "turned"
-    bayes = "bayes"
-    learned = "learned"
-    paper = "paper"
-    baseline = "baseline"
+    try:
+        return registry.METHODS[text].info.name
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+MethodName = Annotated[
+    Any,
+    typer.Option(
+        "--method",
+        metavar="|".join(info.name for info in METHODS),
+        parser=method_name,
+        help="; ".join(f"{info.name}: {info.summary}" for info in METHODS) + ".",
+    ),
+]
 
 
 def number(

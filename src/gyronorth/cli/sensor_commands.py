@@ -6,12 +6,12 @@ import json
 import sys
 from contextlib import ExitStack
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gyronorth.catalogue import METHODS
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
@@ -30,11 +30,15 @@ if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
 
 
-class PlannedMethod(StrEnum):
-    """Methods whose sigma can be told in advance."""
+#: Methods whose sigma can be predicted.
+PLANNABLE = tuple(info.name for info in METHODS if info.plannable)
 
-    mean = "mean"
-    inertial = "inertial"
+
+def plannable(text: str) -> str:
+    """The name of a method that `plan` takes."""
+    if text not in PLANNABLE:
+        raise typer.BadParameter(f"{text!r} cannot be planned; one of {', '.join(PLANNABLE)} is expected")
+    return text
 
 
 @app.command()
@@ -100,9 +104,9 @@ def allan(
 def plan(
     sensor: RequiredSensor,
     latitude: Latitude,
-    method: Annotated[PlannedMethod, typer.Option(help="Plain averaging, or inertial-frame alignment.")] = (
-        PlannedMethod.mean
-    ),
+    method: Annotated[
+        Any, typer.Option(metavar="|".join(PLANNABLE), parser=plannable, help="Method to plan for.")
+    ] = "mean",
     turns: Annotated[
         int | None,
         typer.Option(metavar="N", help="Also: what up to N turns bring, 100 s of standing still shared by the poses."),
@@ -115,7 +119,7 @@ def plan(
     from gyronorth.report.plans import DURATIONS, print_plan, print_turns
 
     check_outputs({"--plot": (plot, PLOT_SUFFIXES)})
-    planned = planning.plan(sensor, latitude=latitude, durations=DURATIONS, method=method.value)
+    planned = planning.plan(sensor, latitude=latitude, durations=DURATIONS, method=method)
     turned = None
     if turns is not None:
         with working("planning turns"):

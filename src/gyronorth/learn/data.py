@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.diffusion import white_noise
+from gyronorth.alignment.networks.diffusion import white_noise
 from gyronorth.attitude import level, mat_bn, mat_lb
 from gyronorth.calibration import observe
 from gyronorth.conditioning import decimated
@@ -20,9 +20,8 @@ from gyronorth.deviation import FEWEST
 from gyronorth.earth import earth_rate_n
 from gyronorth.errors import InputError
 from gyronorth.learn.settings import Settings
-from gyronorth.pipeline import LATITUDE_CONFLICT
 from gyronorth.readers import ReadOptions, read, recordings_in
-from gyronorth.recording import Recording
+from gyronorth.recording import LATITUDE_CONFLICT, Recording
 
 Array = NDArray[np.float64]
 

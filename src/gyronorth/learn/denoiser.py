@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from gyronorth.alignment.diffusion import Predict
+from gyronorth.alignment.networks.diffusion import Predict
 from gyronorth.learn.recurrent import BiLSTM, from_layout, to_layout, width
 
 

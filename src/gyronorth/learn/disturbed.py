@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from gyronorth.alignment.bundle import Bundle, Domain, ProposalPart, checksum
-from gyronorth.alignment.evidence import network_axes
-from gyronorth.alignment.learned import load_bundle, solve
+from gyronorth.alignment.networks.bundle import Bundle, Domain, ProposalPart, checksum
+from gyronorth.alignment.networks.runtime import load_bundle, solve
+from gyronorth.alignment.tones.evidence import network_axes
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, cyclic_rmse
 from gyronorth.learn.proposal import Proposal
 from gyronorth.learn.training import Progress, Task, fit, torch_threads

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from gyronorth.alignment.diffusion import Normalisation
+from gyronorth.alignment.networks.diffusion import Normalisation
 from gyronorth.attitude import mat_bn
 from gyronorth.earth import earth_rate_n
 from gyronorth.learn.data import HeadingSet, synthetic_set

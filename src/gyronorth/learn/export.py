@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from gyronorth.alignment.bundle import Bundle, DenoiserPart, DeviationPart, Domain, HeadingPart, checksum
+from gyronorth.alignment.networks.bundle import Bundle, DenoiserPart, DeviationPart, Domain, HeadingPart, checksum
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.deviation import DeviationModel, fit_deviation, rate_surplus
 from gyronorth.errors import InputError

@@ -1,6 +1,6 @@
 """The network of `learned`: which samples lie in a bump, and where on the frequency axis the tones are.
 
-It proposes and does not decide: `gyronorth.alignment.amortised` weighs what it proposes by
+It proposes and does not decide: `gyronorth.alignment.tones.proposals` weighs what it proposes by
 the closed-form evidence of the physical model. Two small convolutional networks, one along time and one
 along frequency, with the Fourier transform of the samples outside bumps between them; so that
 one network serves every length of recording.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from gyronorth.alignment.bundle import Bundle
+from gyronorth.alignment.networks.bundle import Bundle
 from gyronorth.errors import InputError
 from gyronorth.learn.data import TrainingData
 from gyronorth.learn.export import check_export, export_bundle

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from gyronorth.alignment.bundle import Positive, Strict
-from gyronorth.alignment.diffusion import Sampler, Schedule
+from gyronorth.alignment.networks.bundle import Positive, Strict
+from gyronorth.alignment.networks.diffusion import Sampler, Schedule
 from gyronorth.errors import InputError
 
 Layout = Literal["temporal", "flattened", "across_batch"]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gyronorth.alignment.bundle import Bundle
+from gyronorth.alignment.networks.bundle import Bundle
 from gyronorth.learn.data import HeadingSet, TrainingData, split_recordings
 from gyronorth.learn.run import run_training
 from gyronorth.learn.settings import Settings, baseline, paper

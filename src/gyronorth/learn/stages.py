@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from gyronorth.alignment.diffusion import Normalisation, denoise
-from gyronorth.alignment.learned import decode
+from gyronorth.alignment.networks.diffusion import Normalisation, denoise
+from gyronorth.alignment.networks.runtime import decode
 from gyronorth.earth import EARTH_RATE
 from gyronorth.learn.data import HeadingSet, TrainingData, augment, split_recordings, synthetic_set
 from gyronorth.learn.denoiser import Denoiser, predictor

@@ -55,7 +55,7 @@ def compass(status: Status) -> str:
         if status.heading_true is not None:
             tip = degrees(status.heading_true)
             corners = " ".join(on_circle(tip + turn, 92 - depth).replace(" ", ",") for turn, depth in _TRUTH)
-            parts.append(f'<polygon points="{corners}" class="truth"><title>truth in the file</title></polygon>')
+            parts.append(f'<polygon points="{corners}" class="truth"><title>reference heading</title></polygon>')
         parts.append(f'<g transform="rotate({doc["heading_deg"]:.3f})" class="needle {state}">{_NEEDLE}</g>')
         interval = interval_text(doc["interval95_deg"])
         label = f"Compass rose: heading {heading_text(doc['heading_deg'])} degrees, {state}, 95 % interval {interval}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import degrees
 from typing import TYPE_CHECKING, TextIO
 
-from gyronorth.choice import DEVIATION_SUPPORT
+from gyronorth.alignment.correction import DEVIATION_SUPPORT
 from gyronorth.report.terminal import print_lines, print_table
 
 if TYPE_CHECKING:

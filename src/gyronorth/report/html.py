@@ -1,4 +1,4 @@
-"""One heading as one self-contained HTML page: verdict, figures, parts of sigma, inputs."""
+"""One heading as one self-contained HTML page: verdict, figures, error budget, inputs."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def heading_page(
             allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
             inputs=inputs,
             poses=_poses(estimate),
-            unrest=_unrest(estimate),
+            disturbance=_disturbance(estimate),
             turns=[degrees(turn.angle) for turn in estimate.turns],
             quadrants=quadrant_seconds(estimate.poses),
             earth_rate_deg_h=EARTH_RATE / DEG_PER_HOUR,
@@ -102,7 +102,7 @@ def _environment() -> Environment:
 
 
 def _bars(doc: dict[str, Any]) -> list[dict[str, Any]]:
-    """The parts of sigma and their total, each with its length in per cent of the longest."""
+    """The error budget and their total, each with its length in per cent of the longest."""
     parts = doc["sigma_parts_deg"].items()
     rows = [{"name": part_name(part), "value": value} for part, value in parts if value is not None]
     rows.sort(key=lambda row: -row["value"])
@@ -126,16 +126,16 @@ def _poses(estimate: HeadingEstimate) -> list[dict[str, Any]]:
     ]
 
 
-def _unrest(estimate: HeadingEstimate) -> list[tuple[str, str]]:
+def _disturbance(estimate: HeadingEstimate) -> list[tuple[str, str]]:
     """What was found by a method that models disturbance, as (name, value)."""
-    found = estimate.unrest
+    found = estimate.disturbance
     if found is None:
         return []
-    rows = [("sway tones, expected number", number_text(found.tones, decimals=1))]
+    rows = [("sway tones, expected number", number_text(found.sway_tones, decimals=1))]
     chances = (("the bias settles", found.settling), ("the bias walks", found.walk), ("slow tilt", found.tilt))
     rows += [(f"{name}, probability", f"{chance:.2f}") for name, chance in chances if chance is not None]
-    rows.append(("left out as bumps", number_text(found.bumps, decimals=1, unit="s")))
-    rows.append(("what is left, over the sensor's noise", number_text(found.excess)))
+    rows.append(("left out as bumps", number_text(found.masked_s, decimals=1, unit="s")))
+    rows.append(("residual over the sensor's noise", number_text(found.residual_ratio)))
     return rows
 
 

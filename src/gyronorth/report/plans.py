@@ -43,7 +43,7 @@ def print_plan(plan: Plan, stream: TextIO) -> None:
 
     position = {round(time): index for index, time in enumerate(doc["duration_s"])}
     columns = [doc["sigma_deg"], doc["half_width95_deg"], *doc["sigma_parts_deg"].values()]
-    stream.write("\nHeading sigma, half of the 95 % interval, and the parts of sigma, deg\n")
+    stream.write("\nHeading sigma, half of the 95 % interval, and the error budget, deg\n")
     header = ("time", "sigma", "95 % +-", *(part_name(part) for part in doc["sigma_parts_deg"]))
     rows = [(duration_text(time), *(angle_text(column[position[time]]) for column in columns)) for time in IN_TABLE]
     print_table(header, rows, stream)

@@ -59,6 +59,12 @@ def plain_text(value: float | None) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
+def with_sigma(values: list[float], sigmas: list[float], *, unit: str) -> str:
+    """Values of the three axes, each with its standard deviation."""
+    shown = (f"{number_text(value)} ± {number_text(sigma)}" for value, sigma in zip(values, sigmas, strict=True))
+    return f"{', '.join(shown)} {unit}"
+
+
 def finding_text(finding: dict[str, Any]) -> str:
     """A reason or warning on one line; its message holds the measured value beside the limit."""
     return f"{finding['code']}: {finding['message']}"
@@ -93,13 +99,13 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
     lines += [("warning", finding_text(finding)) for finding in doc["warnings"]]
     true_deg, error_deg = outcome.truth_deg()
     if true_deg is not None:
-        lines.append(("truth in the file", f"{heading_text(true_deg)} deg, error {number_text(error_deg, unit='deg')}"))
+        lines.append(("reference heading", f"{heading_text(true_deg)} deg, error {number_text(error_deg, unit='deg')}"))
     lines.append(("method", f"{doc['method']} ({doc['method_reason']})"))
     if doc["bundle"] is not None:
         lines.append(("bundle", doc["bundle"]))
     known = {part: value for part, value in doc["sigma_parts_deg"].items() if value is not None}
     parts = [f"{part_name(part)} {angle_text(value)}" for part, value in known.items()]
-    lines.append(("parts of sigma", f"{', '.join(parts)} deg" if parts else "unknown"))
+    lines.append(("error budget", f"{', '.join(parts)} deg" if parts else "unknown"))
     lines.append(("roll, pitch", f"{number_text(doc['roll_deg'])}, {number_text(doc['pitch_deg'])} deg"))
     mean = ", ".join(number_text(value) for value in doc["rate_mean_deg_h"])
     norm = number_text(doc["rate_norm_deg_h"], unit="deg/h")
@@ -107,8 +113,8 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
     implied = number_text(doc["implied_latitude_deg"], decimals=1, unit="deg")
     lines.append(("latitude", f"{number_text(doc['latitude_deg'], decimals=4)} deg; implied by the rate {implied}"))
     if doc["gyro_bias_deg_h"] is not None:
-        bias = ", ".join(number_text(value) for value in doc["gyro_bias_deg_h"])
-        lines.append(("gyro bias", f"{bias} deg/h"))
+        lines.append(("gyro bias", with_sigma(doc["gyro_bias_deg_h"], doc["gyro_bias_sigma_deg_h"], unit="deg/h")))
+        lines.append(("scale factor", with_sigma(doc["scale_factor_ppm"], doc["scale_factor_sigma_ppm"], unit="ppm")))
     for pose in doc["poses"] if len(doc["poses"]) > 1 else ():
         span = f"{pose['start_s']:g} to {pose['end_s']:g} s"
         lines.append(("pose", f"{span}: {heading_text(pose['heading_deg'])} deg"))

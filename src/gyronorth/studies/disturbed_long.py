@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from gyronorth.alignment import registry
+from gyronorth.alignment.problem import Problem
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.choice import find
 from gyronorth.evaluation import bootstrap_crmse
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.solution import Data
 from gyronorth.studies.disturbed import ratio_to, share_inside
 from gyronorth.studies.disturbed_methods import WHITE, Found, Part, by_learned, by_mean, judged, part_of
 from gyronorth.studies.floors import floor_deg
@@ -38,10 +38,15 @@ def by_last_part(part: Part) -> Found:
 def by_auto(part: Part) -> Found:
     """What `gyronorth heading` takes by itself."""
     sensor = Sensor("simulated", part.errors)
-    each = [Data(gyro_b, None, part.made.rate_hz, part.made.latitude, sensor) for gyro_b in part.gyro]
-    found = [find("auto", data, None, None).solution for data in each]
-    half = np.array([float(one.half_width) for one in found])
-    return Found(np.array([float(one.levelled.heading) for one in found]), -half, half)
+    each = [Problem(gyro_b, None, part.made.rate_hz, part.made.latitude, sensor) for gyro_b in part.gyro]
+    found = [registry.solve("auto", problem, registry.Options()) for problem in each]
+    heading, low, high = (
+        np.array([float(value) for value in values])
+        for values in zip(
+            *((one.attitude.heading, one.posterior.low, one.posterior.high) for one in found), strict=True
+        )
+    )
+    return Found(heading, low, high)
 
 
 METHODS: dict[str, Callable[[Part], Found]] = {

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.alignment.bayes import TIME_CONSTANT_BINS, bayes
-from gyronorth.alignment.bundle import shipped_bundle
-from gyronorth.alignment.evidence import grid_frequencies
 from gyronorth.alignment.inertial import align_inertial
+from gyronorth.alignment.networks.bundle import shipped_bundle
+from gyronorth.alignment.tones.evidence import grid_frequencies
+from gyronorth.alignment.tones.search import TIME_CONSTANT_BINS, bayes
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.sensor import TriadErrors, read_sensor
@@ -22,7 +22,7 @@ from gyronorth.studies.methods import rounded
 from gyronorth.uncertainty import von_mises
 
 if TYPE_CHECKING:
-    from gyronorth.alignment.learned import LoadedBundle
+    from gyronorth.alignment.networks.runtime import LoadedBundle
 
 Array = NDArray[np.float64]
 
@@ -196,14 +196,14 @@ def by_inertial(part: Part) -> Found:
 
 def by_paper(part: Part) -> Found:
     """The paper's pipeline as it ships: trained on recordings that stand still."""
-    from gyronorth.alignment.learned import run
+    from gyronorth.alignment.networks.runtime import run
 
     return Found(run(_bundle("paper"), part.gyro))
 
 
 def by_learned(part: Part) -> Found:
     """The `learned` bundle."""
-    from gyronorth.alignment.learned import solve
+    from gyronorth.alignment.networks.runtime import solve
 
     known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
     found = solve(_bundle("learned"), part.gyro, **known)
@@ -212,7 +212,7 @@ def by_learned(part: Part) -> Found:
 
 def by_periodogram(part: Part) -> Found:
     """`learned` with a periodogram in place of its network: what the network is worth."""
-    from gyronorth.alignment.amortised import amortised
+    from gyronorth.alignment.tones.proposals import amortised
 
     known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
     fits = [amortised(x, periodogram, **known) for x in part.gyro]
@@ -236,7 +236,7 @@ def periodogram(rate: NDArray[np.float32], index: NDArray[np.float32], cycles: N
 
 @cache
 def _bundle(method: str) -> LoadedBundle:
-    from gyronorth.alignment.learned import load_bundle
+    from gyronorth.alignment.networks.runtime import load_bundle
 
     return load_bundle(shipped_bundle(method))
 

@@ -166,7 +166,7 @@ def split_data(split: dict, recordings: Twin, settings: Settings) -> TrainingDat
 
 def rebuilt(result: Result, settings: Settings) -> TrainedDenoiser:
     """The denoiser of a unit's result, with the sampler of other settings."""
-    from gyronorth.alignment.diffusion import Normalisation
+    from gyronorth.alignment.networks.diffusion import Normalisation
     from gyronorth.learn.denoiser import Denoiser, set_weights
     from gyronorth.learn.settings import Settings
     from gyronorth.learn.stages import TrainedDenoiser

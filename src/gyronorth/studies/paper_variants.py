@@ -9,7 +9,7 @@ from math import radians
 
 import numpy as np
 
-from gyronorth.alignment.diffusion import Normalisation
+from gyronorth.alignment.networks.diffusion import Normalisation
 from gyronorth.sensor import TriadErrors
 from gyronorth.studies.floors import at_window, floor_deg
 from gyronorth.studies.network_tables import COLUMNS, LOST, network_row, spread

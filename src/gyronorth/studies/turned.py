@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gyronorth.alignment.turned import turned
-from gyronorth.alignment.turned_plan import turned_sigma
+from gyronorth.alignment.turned.bound import turned_sigma
+from gyronorth.alignment.turned.fit import turned
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
 from gyronorth.evaluation import Interval, bootstrap_crmse, wilson
 from gyronorth.sensor import Sensor, TriadErrors

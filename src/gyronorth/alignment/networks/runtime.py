@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.amortised import Amortised, Propose, amortised
-from gyronorth.alignment.bundle import WINDOW_SLACK, Bundle, Mismatch, RecordingFacts, mismatch, read_bundle
-from gyronorth.alignment.diffusion import Predict, denoise, white_noise
+from gyronorth.alignment.networks.bundle import (
+    WINDOW_SLACK,
+    Bundle,
+    RecordingFacts,
+    mismatch,
+    read_bundle,
+    shipped_bundle,
+)
+from gyronorth.alignment.networks.diffusion import Predict, denoise, white_noise
+from gyronorth.alignment.result import Attitude, Result, unknown
+from gyronorth.alignment.tones.proposals import Amortised, Propose, amortised
 from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimate
 from gyronorth.deviation import DeviationModel, read_deviation
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
+from gyronorth.findings import Finding
 from gyronorth.sensor import TriadErrors
 from gyronorth.uncertainty import SIGMA_UNKNOWN
 
@@ -67,6 +78,26 @@ def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
         None if info.proposal is None else session(info.proposal.file),
         None if info.deviation is None else read_deviation(Path(folder, info.deviation.file)),
     )
+
+
+def bundle_of(method: str, model: str | Path | None) -> LoadedBundle:
+    """The bundle of a method, loaded once for as long as its description does not change."""
+    folder = Path(shipped_bundle(method) if model is None else model)
+    described = folder / "bundle.json"
+    return _loaded(folder, described.stat().st_mtime_ns if described.is_file() else 0)
+
+
+@lru_cache(maxsize=4)
+def _loaded(folder: Path, changed: int) -> LoadedBundle:
+    return load_bundle(folder)
+
+
+def mismatched(method: str, attitude: Attitude, bundle: LoadedBundle, misfits: Sequence[Finding]) -> Result:
+    """No heading: every way in which the recording does not fit the bundle is a reason."""
+    refusals = tuple(
+        replace(misfit, message=f"The bundle {bundle.name} does not fit: {misfit.message}.") for misfit in misfits
+    )
+    return unknown(attitude, method=method, refusals=refusals, bundle=bundle.name, known=False)
 
 
 def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
@@ -182,7 +213,7 @@ def onnx_proposals(session: InferenceSession) -> Propose:
 
 def misfits(
     bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float, latitude: float | None, sensor: str | None
-) -> list[Mismatch]:
+) -> list[Finding]:
     """Every way in which one levelled recording (n, 3), rad/s, does not fit the bundle (see `bundle.mismatch`)."""
     gyro_l = np.asarray(gyro_l, dtype=float)
     facts = RecordingFacts(rate_hz, len(gyro_l) / rate_hz, latitude, sensor)

@@ -1,6 +1,6 @@
 """Closed-form evidence of every model of a few tones: the law of `bayes` on a chosen set of frequencies.
 
-The law is that of `gyronorth.alignment.bayes`: a constant, at most two tones, at most one settling
+The law is that of `gyronorth.alignment.tones.search`: a constant, at most two tones, at most one settling
 exponential, samples left out in bumps. Here the frequencies come from outside, few enough for
 all time constants and all pairs to be worked in one array operation. Three things are added.
 Settling, tones and bumps are not independent: they come in kinds of recording, `KINDS`. A unit
@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.alignment.bayes import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
+from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Mask
 from gyronorth.sensor import TriadErrors

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.alignment.turned_segments import Blocks
+from gyronorth.alignment.turned.segments import Blocks
 from gyronorth.arrays import Array
 from gyronorth.attitude import cross_matrix, mean_rotation, rotation, rotation_vector
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n

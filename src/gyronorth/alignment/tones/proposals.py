@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.bayes import UNKNOWN_BIAS, white_of
-from gyronorth.alignment.evidence import TILTS, Columns, Evidence, Law, columns, evidence, law, network_axes
+from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, Law, columns, evidence, law, network_axes
+from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array, Mask
 from gyronorth.earth import EARTH_RATE

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gyronorth.alignment.turned_law import (
+from gyronorth.alignment.turned.model import (
     COLUMNS,
     Linear,
     Prior,
@@ -26,7 +26,7 @@ from gyronorth.alignment.turned_law import (
     prior,
     regular,
 )
-from gyronorth.alignment.turned_segments import Blocks, Segments, Turn, blocks_per_stretch, cut, find_segments
+from gyronorth.alignment.turned.segments import Blocks, Segments, Turn, blocks_per_stretch, cut, find_segments
 from gyronorth.angles import DEG_PER_HOUR, wrap_heading
 from gyronorth.arrays import Array
 from gyronorth.attitude import level, mat_bn, rotation

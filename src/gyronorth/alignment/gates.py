@@ -6,26 +6,27 @@ Limits scale with the claimed uncertainty. Each is explained in docs/theory.md, 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Mask
 from gyronorth.conditioning import GATE_SIGMA
-from gyronorth.earth import EARTH_RATE
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.findings import Finding
+
+if TYPE_CHECKING:
+    from gyronorth.alignment.problem import Problem
+    from gyronorth.alignment.result import Result
+    from gyronorth.sensor import Sensor
 
 #: An interval wider than this to either side cannot tell north from south, rad.
 WIDEST_HALF_WIDTH = np.pi / 2
 #: Concentration of the von Mises law whose 95 % interval is that wide (solved numerically).
 WIDEST_CONCENTRATION = 2.36
-#: Heading error that second-order motion may cost before the recording counts as moving, rad.
-MOTION_ALLOWANCE = np.radians(0.5)
-#: The same for a heading that is known badly anyway, rad: 18 deg of excursion is motion to anyone.
-MOTION_ALLOWANCE_MOST = 0.1
-#: Attitude change that inertial-frame alignment may carry, rad: beyond it the unit turned.
-INERTIAL_EXCURSION = np.radians(45.0)
 #: Fewest samples and shortest time, s, from which a noise level can be read at all.
 FEWEST_SAMPLES, SHORTEST = 16, 2.0
 #: Share of the sensor's range at which an output counts as saturated.
@@ -48,7 +49,8 @@ class Gate:
             return None
         value, limit = float(self.value[index]), float(self.limit[index])
         message = self.message.format(value=value, limit=limit)
-        return Finding(self.code, message, *(None if np.isnan(number) else number for number in (value, limit)))
+        known_value, known_limit = (None if np.isnan(number) else number for number in (value, limit))
+        return Finding(self.code, message, known_value, known_limit)
 
 
 def rate_gates(rate_l: Array, *, variance: Array, vertical_variance: Array, latitude: float, known: bool) -> list[Gate]:
@@ -152,33 +154,28 @@ def width_gates(
     ]
 
 
-def motion_gate(excursion: Array, sigma: Array, *, inertial: Array) -> Gate:
-    """Attitude change that the method does not model.
-
-    An excursion of r rad biases a plain mean by up to r^2, so r is held against the root of
-    sigma, taken between 0.5 deg and 0.1 rad; inertial-frame alignment follows any attitude, and 45 deg
-    is where the unit is no longer in one pose.
-    """
-    limit = np.where(inertial, INERTIAL_EXCURSION, np.sqrt(np.clip(sigma, MOTION_ALLOWANCE, MOTION_ALLOWANCE_MOST)))
+def motion_gate(excursion: Array, limit: Array) -> Gate:
+    """Attitude change that the method does not model, rad; `error_budget.TURN_LIMITS` says why so much."""
     return Gate(
         "motion",
         "The unit turned by {value:.2f} deg about its mean attitude; at most {limit:.2f} deg is standing still.",
         np.degrees(excursion),
         np.degrees(limit),
-        excursion > limit,
+        np.asarray(excursion > limit),
     )
 
 
-def length_gate(samples: int, duration: float, shape: tuple[int, ...]) -> Gate:
+def length_finding(samples: int, duration: float) -> Finding | None:
     """Fewer samples or seconds than a noise level can be read from."""
+    if samples >= FEWEST_SAMPLES and duration >= SHORTEST:
+        return None
     needed = max(SHORTEST, FEWEST_SAMPLES * duration / samples)
-    return Gate(
+    return Finding(
         "too_short",
-        f"The recording holds {samples} samples in {{value:.2f}} s; at least {FEWEST_SAMPLES} samples and "
-        f"{SHORTEST:g} s are needed, that is {{limit:.1f}} s.",
-        np.full(shape, duration),
-        np.full(shape, needed),
-        np.full(shape, samples < FEWEST_SAMPLES or duration < SHORTEST),
+        f"The recording holds {samples} samples in {duration:.2f} s; at least {FEWEST_SAMPLES} samples and "
+        f"{SHORTEST:g} s are needed, that is {needed:.1f} s.",
+        duration,
+        needed,
     )
 
 
@@ -192,3 +189,75 @@ def saturation_gate(peak: Array, *, limit: float, what: str, unit: float, unit_n
         held,
         peak / unit > held,
     )
+
+
+def peaks_of(problem: Problem) -> tuple[Array, Array | None]:
+    """Largest component of the angular rate, rad/s, and of the specific force, m/s^2, of each recording."""
+    accel_b = problem.accel_b
+    return np.abs(problem.gyro_b).max(axis=(-2, -1)), None if accel_b is None else np.abs(accel_b).max(axis=(-2, -1))
+
+
+def saturation_gates(sensor: Sensor | None, peaks: tuple[Array, Array | None]) -> list[Gate]:
+    """Gates on the sensor's ranges, where the profile states them."""
+    gates = []
+    gyro, accel = peaks
+    if sensor is not None and np.isfinite(sensor.gyro.saturation):
+        unit = np.pi / 180
+        gates.append(saturation_gate(gyro, limit=sensor.gyro.saturation, what="gyro", unit=unit, unit_name="deg/s"))
+    if sensor is not None and accel is not None and np.isfinite(sensor.accel.saturation):
+        limit, unit = sensor.accel.saturation, STANDARD_GRAVITY
+        gates.append(saturation_gate(accel, limit=limit, what="accelerometer", unit=unit, unit_name="g"))
+    return gates
+
+
+def _rate(problem: Problem, result: Result) -> list[Gate]:
+    if result.judged is None:
+        return []
+    return rate_gates(
+        result.judged.rate_l,
+        variance=result.judged.variance,
+        vertical_variance=result.judged.vertical_variance,
+        latitude=problem.latitude,
+        known=problem.sensor is not None,
+    )
+
+
+def _width(problem: Problem, result: Result) -> list[Gate]:
+    half = result.posterior.half_width
+    return width_gates(
+        half,
+        variance=result.total + np.zeros_like(half),
+        noise_variance=result.variance.get("noise", np.zeros(())) + np.zeros_like(half),
+        latitude=problem.latitude,
+        duration=problem.duration,
+    )
+
+
+def _motion(problem: Problem, result: Result) -> list[Gate]:
+    if result.judged is None:
+        return []
+    return [motion_gate(problem.motion.sway.excursion, result.judged.turn_limit)]
+
+
+#: What may judge a result; the catalogue's row of a method names those that judge its results, in this order.
+GATES: Mapping[str, Callable[[Problem, Result], list[Gate]]] = {"rate": _rate, "width": _width, "motion": _motion}
+
+
+def judge(
+    problem: Problem, result: Result, names: Sequence[str], *, peaks: tuple[Array, Array | None] | None = None
+) -> list[Gate]:
+    """Every gate that judges a result: those of its method, and the ranges of the sensor.
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Result
+    names : sequence of str
+        Keys of `GATES`; see `catalogue.MethodInfo.gates`.
+    peaks : tuple, optional
+        Largest output of gyro and accelerometer, where the problem's samples are means that do not show it.
+    """
+    gates = [gate for name in names for gate in GATES[name](problem, result)] if result.known else []
+    if result.known and not result.variance:  # too short for any claim
+        gates = []
+    return gates + saturation_gates(problem.sensor, peaks_of(problem) if peaks is None else peaks)

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from gyronorth.alignment import bayes as room
-from gyronorth.alignment.bayes import bayes
+from gyronorth.alignment.tones import search as room
+from gyronorth.alignment.tones.search import bayes
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, cyclic_rmse
 from gyronorth.attitude import mat_bn
 from gyronorth.earth import EARTH_RATE, earth_rate_n

@@ -7,8 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
-from gyronorth.alignment.bayes import SETTLING_RATE, TIME_CONSTANT_BINS, TONE_RATE
-from gyronorth.alignment.evidence import (
+from gyronorth.alignment.tones.evidence import (
     WALK_MODES,
     WALK_RATE,
     columns,
@@ -17,6 +16,7 @@ from gyronorth.alignment.evidence import (
     log_kinds,
     time_constant_bins,
 )
+from gyronorth.alignment.tones.search import SETTLING_RATE, TIME_CONSTANT_BINS, TONE_RATE
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import mean_covariance

@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 torch = pytest.importorskip("torch", reason="PyTorch comes with the extra train")
 pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra learned")
 
-from gyronorth.alignment.bundle import Bundle, Domain, RecordingFacts, mismatch, read_bundle, shipped_bundle  # noqa: E402
-from gyronorth.alignment.diffusion import Sampler  # noqa: E402
-from gyronorth.alignment.learned import clean, decode, last_window, load_bundle, misfits, run  # noqa: E402
+from gyronorth.alignment.networks.bundle import Bundle, Domain, RecordingFacts, mismatch, read_bundle, shipped_bundle  # noqa: E402
+from gyronorth.alignment.networks.diffusion import Sampler  # noqa: E402
+from gyronorth.alignment.networks.runtime import clean, decode, last_window, load_bundle, misfits, run  # noqa: E402
 from gyronorth.angles import angle_error, cyclic_rmse  # noqa: E402
 from gyronorth.cli import app  # noqa: E402
 from gyronorth.deviation import rate_surplus  # noqa: E402

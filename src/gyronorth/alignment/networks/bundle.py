@@ -11,8 +11,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gyronorth.alignment.diffusion import Normalisation, Sampler, Schedule
+from gyronorth.alignment.networks.diffusion import Normalisation, Sampler, Schedule
 from gyronorth.errors import InputError
+from gyronorth.findings import Finding
 
 SCHEMA = "gyronorth.bundle/1"
 #: A recording longer than the window by less than this part still fits (rounding of durations), s.
@@ -79,7 +80,7 @@ class HeadingPart(Strict):
 
 
 class ProposalPart(Strict):
-    """`proposal.onnx`: bumps and frequencies of tones, which `gyronorth.alignment.amortised` weighs."""
+    """`proposal.onnx`: bumps and frequencies of tones, which `gyronorth.alignment.tones.proposals` weighs."""
 
     file: str = "proposal.onnx"
     sha256: str
@@ -157,7 +158,7 @@ def shipped_bundle(method: str) -> Path:
     InputError
         If there is none.
     """
-    folder = Path(__file__).parents[1] / "bundles" / method
+    folder = Path(__file__).parents[2] / "bundles" / method
     if not (folder / "bundle.json").is_file():
         raise InputError(f"No bundle for the method {method} ships with this package. Give --model FOLDER.")
     return folder
@@ -185,31 +186,22 @@ class RecordingFacts:
     noise: float | None = None  # white noise of one sample at the bundle's rate, rad/s
 
 
-@dataclass(frozen=True)
-class Mismatch:
-    """One way in which a recording does not fit a bundle."""
-
-    message: str
-    value: float | None
-    limit: float | None
-
-
-def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Mismatch]:
+def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Finding]:
     """Every way in which the recording does not fit the bundle; empty if it fits."""
     domain = bundle.domain
-    found: list[Mismatch] = []
+    found: list[Finding] = []
     if bundle.heading is None and bundle.proposal is None and bundle.deviation is None:
-        found.append(Mismatch("the bundle holds a denoiser only and gives no heading", None, None))
+        found.append(_off("the bundle holds a denoiser only and gives no heading"))
     needed = domain.rate_at(facts.duration)
     if facts.rate_hz < needed * (1 - 1e-9):
         text = f"the recording's rate of {facts.rate_hz:g} Hz is below the bundle's {needed:g} Hz"
-        found.append(Mismatch(text, facts.rate_hz, needed))
+        found.append(_off(text, facts.rate_hz, needed))
     if facts.duration < domain.window * (1 - WINDOW_SLACK):
         text = f"the recording's {facts.duration:g} s are shorter than the bundle's window of {domain.window:g} s"
-        found.append(Mismatch(text, facts.duration, domain.window))
+        found.append(_off(text, facts.duration, domain.window))
     if facts.sensor and domain.sensor and facts.sensor.casefold() != domain.sensor.casefold():
         text = f"the recording's sensor is {facts.sensor}; the bundle was trained for {domain.sensor}"
-        found.append(Mismatch(text, None, None))
+        found.append(_off(text))
     if facts.latitude is not None and domain.latitude_deg is not None:
         latitude = float(np.degrees(facts.latitude))
         if abs(latitude - domain.latitude_deg) > domain.latitude_tolerance_deg:
@@ -217,7 +209,7 @@ def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Mismatch]:
                 f"the latitude of {latitude:.2f} deg is more than {domain.latitude_tolerance_deg:g} deg from the "
                 f"{domain.latitude_deg:.2f} deg the bundle was trained at"
             )
-            found.append(Mismatch(text, latitude, domain.latitude_deg))
+            found.append(_off(text, latitude, domain.latitude_deg))
     if facts.noise is not None and domain.noise_deg_s is not None:
         noise = float(np.degrees(facts.noise))
         if not 1 / domain.noise_factor <= noise / domain.noise_deg_s <= domain.noise_factor:
@@ -225,5 +217,9 @@ def mismatch(bundle: Bundle, facts: RecordingFacts) -> list[Mismatch]:
                 f"the recording's noise of {noise:.3g} deg/s a sample is not within a factor of "
                 f"{domain.noise_factor:g} of the {domain.noise_deg_s:.3g} deg/s the bundle was trained on"
             )
-            found.append(Mismatch(text, noise, domain.noise_deg_s))
+            found.append(_off(text, noise, domain.noise_deg_s))
     return found
+
+
+def _off(message: str, value: float | None = None, limit: float | None = None) -> Finding:
+    return Finding("bundle_mismatch", message, value, limit)

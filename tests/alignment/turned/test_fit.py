@@ -9,9 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from gyronorth.alignment.turned import turned
-from gyronorth.alignment.turned_plan import turned_sigma
-from gyronorth.alignment.turned_segments import find_segments
+from gyronorth.alignment.turned.bound import turned_sigma
+from gyronorth.alignment.turned.fit import turned
+from gyronorth.alignment.turned.segments import find_segments
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error
 from gyronorth.attitude import mean_rotation, rotation, rotation_vector
 from gyronorth.earth import EARTH_RATE

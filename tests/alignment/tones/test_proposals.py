@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.special import i0e
 
-from gyronorth.alignment.amortised import amortised, grown, posterior
-from gyronorth.alignment.bayes import bayes
-from gyronorth.alignment.bundle import shipped_bundle
-from gyronorth.alignment.learned import load_bundle, run, solve
+from gyronorth.alignment.networks.bundle import shipped_bundle
+from gyronorth.alignment.networks.runtime import load_bundle, run, solve
+from gyronorth.alignment.tones.proposals import amortised, grown, posterior
+from gyronorth.alignment.tones.search import bayes
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, cyclic_rmse
 from gyronorth.errors import InputError
 from gyronorth.sensor import TriadErrors

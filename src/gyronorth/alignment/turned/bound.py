@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.alignment.turned_law import (
+from gyronorth.alignment.turned.model import (
     SPIN,
     State,
     attitudes,
@@ -14,7 +14,7 @@ from gyronorth.alignment.turned_law import (
     prior,
     regular,
 )
-from gyronorth.alignment.turned_segments import BLOCK_ANGLE, Blocks, blocks_per_stretch
+from gyronorth.alignment.turned.segments import BLOCK_ANGLE, Blocks, blocks_per_stretch
 from gyronorth.attitude import mat_bn, mean_rotation, rotation
 from gyronorth.earth import earth_rate_n
 from gyronorth.sensor import Sensor

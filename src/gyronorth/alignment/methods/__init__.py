@@ -1,0 +1,1 @@
+"""The methods, one file each: what stands between a problem and the numerics that solve it."""

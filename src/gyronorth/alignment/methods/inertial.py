@@ -1,0 +1,48 @@
+"""Inertial-frame alignment with its uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyronorth.alignment.error_budget import claimed_variance, concluded
+from gyronorth.alignment.inertial import align_inertial
+from gyronorth.alignment.methods.mean import NOISE_MISFIT
+from gyronorth.alignment.problem import Problem
+from gyronorth.alignment.registry import Options
+from gyronorth.alignment.result import Result
+from gyronorth.catalogue import method_info
+from gyronorth.uncertainty import NORMAL_975, STUDENT14_975
+
+#: Inertial variance over the mean's noise below which the gyro's noise is motion: at rest it is
+#: at least 1.2, and its estimate on 16 degrees of freedom is below a quarter of that in 1e-4.
+MOTION_RATIO = 0.3
+
+
+class Inertial:
+    """Gravity traced in an inertial frame."""
+
+    info = method_info("inertial")
+
+    def solve(self, problem: Problem, options: Options) -> Result:
+        """Heading with the profile's error budget, or the noise of the residuals.
+
+        Without a profile that noise, 16 harmonics less 2 fitted parameters, is widened to what Student's t with 14
+        degrees of freedom deserves.
+        """
+        if problem.accel_b is None:
+            raise ValueError("Inertial-frame alignment needs specific force; accel_b is None.")
+        motion = problem.motion
+        attitude = align_inertial(problem.gyro_b, problem.accel_b, rate_hz=problem.rate_hz, latitude=problem.latitude)
+        measured = attitude.measured_variance
+        assert measured is not None
+        if problem.sensor is None:
+            variance = {"noise": measured * (STUDENT14_975 / NORMAL_975) ** 2}
+        else:
+            variance = claimed_variance(problem, "inertial")
+            claimed = variance["noise"] + variance["drift"]
+            variance["sway"] = np.where(measured > NOISE_MISFIT * claimed, measured - claimed, 0.0)
+        vertical = motion.white + motion.yaw_variance
+        return concluded(problem, attitude, variance, method="inertial", vertical=vertical, turn_limit="inertial")
+
+
+METHOD = Inertial()

@@ -1,0 +1,216 @@
+"""The methods by name, and how one of them solves a problem.
+
+A method is one file with an object `METHOD` (or a function `method(name)` where several names share a class) and one
+row of `gyronorth.catalogue.METHODS`, which says what is true of it. A method from outside is added by `register`.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from gyronorth import catalogue
+from gyronorth.alignment import correction
+from gyronorth.alignment.gates import length_finding
+from gyronorth.alignment.problem import Problem
+from gyronorth.alignment.result import Result, unknown
+from gyronorth.arrays import Mask
+from gyronorth.catalogue import MethodInfo
+from gyronorth.deviation import DeviationModel
+from gyronorth.errors import InputError
+
+#: A recording may be this much longer, s, than the longest that a method takes: samples are never counted to the end.
+LENGTH_SLACK = 1.0
+
+
+#: Entry points of installed packages that name a method of their own.
+ENTRY_POINTS = "gyronorth.methods"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a user asks of a method, beside the problem."""
+
+    bundle: Path | None = None  # trained networks; None: those that ship
+    turn_angles: tuple[float, ...] | None = None  # of the turns between poses, rad, clockwise from above
+    deviation: DeviationModel | None = None  # curve that corrects the closed form
+
+
+class Method(Protocol):
+    """A way to find a heading."""
+
+    @property
+    def info(self) -> MethodInfo:
+        """Its row of the catalogue."""
+        ...
+
+    def solve(self, problem: Problem, options: Options) -> Result:
+        """What it finds of one recording; of a batch where `info.batched`."""
+        ...
+
+
+@runtime_checkable
+class Sorting(Protocol):
+    """A method that leaves some recordings of a batch to another one, which takes them at once."""
+
+    def leaves(self, problem: Problem) -> tuple[str, Mask]:
+        """Name of the other method, and the recordings left to it as they are."""
+        ...
+
+    def left(self, result: Result) -> Result:
+        """The other method's result as this one reports it."""
+        ...
+
+
+class _Methods(Mapping[str, Method]):
+    """Every known method, imported when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._rows = {info.name: info for info in catalogue.METHODS}
+        self._loaded: dict[str, Method] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, name: str) -> Method:
+        if name not in self._rows:
+            for entry in entry_points(group=ENTRY_POINTS, name=name):
+                self.add(entry.load())
+        if name not in self._rows:
+            near = difflib.get_close_matches(str(name), self._rows, n=1)
+            hint = f" (did you mean {near[0]}?)" if near else ""
+            raise InputError(f"Method {name!r} is not known{hint}; one of {', '.join(self._rows)} is expected.")
+        if name not in self._loaded:
+            module = import_module(self._rows[name].module)
+            self._loaded[name] = module.method(name) if hasattr(module, "method") else module.METHOD
+        return self._loaded[name]
+
+    def info(self, name: str) -> MethodInfo:
+        """The row of a method, without importing it."""
+        return self._rows[name] if name in self._rows else self[name].info
+
+    def add(self, method: Method) -> None:
+        """Register a method; see `register`."""
+        self._rows[method.info.name] = method.info
+        self._loaded[method.info.name] = method
+
+
+#: Every method by name.
+METHODS = _Methods()
+
+
+def register(method: Method) -> None:
+    """Add a method from outside the package, or replace one.
+
+    Parameters
+    ----------
+    method : Method
+        An object with `info` (a `catalogue.MethodInfo`) and `solve`. From then on `heading(..., method=NAME)`,
+        batches, streams and the command line take it. An installed package can name it as an entry point of the
+        group `ENTRY_POINTS` instead.
+    """
+    METHODS.add(method)
+
+
+def check(name: str, problem: Problem, options: Options) -> Method:
+    """The method, if it can work on this problem with these options.
+
+    Raises
+    ------
+    InputError
+        If the method is not known, or its traits do not allow what is asked.
+    """
+    method, info = METHODS[name], METHODS.info(name)
+    if options.bundle is not None and not info.takes_bundle:
+        takers = [other.name for other in catalogue.METHODS if other.takes_bundle]
+        raise InputError(
+            f"A bundle was given, but method {name} runs none; {', '.join(takers[:-1])} and {takers[-1]} do."
+        )
+    if options.turn_angles is not None and not info.takes_turn_angles:
+        raise InputError(f"Turn angles belong to method turned, or auto; method {name} was given. Leave them out.")
+    if problem.attitude is not None and not info.takes_attitude:
+        raise InputError(
+            f"Roll and pitch were given, but method {name} takes the attitude from the recording itself. "
+            "Leave them out, or use --method mean."
+        )
+    if problem.attitude is not None and options.turn_angles is not None:
+        raise InputError(
+            "Roll and pitch were given together with turn angles: they hold for one pose, the angles for several. "
+            "Leave one of them out."
+        )
+    if info.needs_accelerometer and problem.accel_b is None:
+        raise InputError(
+            f"Method {name!r} traces gravity and needs specific force; the recording has angular rate only. "
+            "Use --method mean."
+        )
+    if not fits(info, problem):
+        raise InputError(
+            f"Method {name!r} works on {info.shortest_s:g} to {info.longest_s:g} s at {info.lowest_rate_hz:g} Hz "
+            f"or more; the recording has {problem.duration:g} s at {problem.rate_hz:g} Hz. Cut it with --window, or "
+            "use --method mean."
+        )
+    return method
+
+
+def fits(info: MethodInfo, problem: Problem) -> bool:
+    """Whether a method is made for recordings of this rate and duration."""
+    return (
+        problem.rate_hz >= info.lowest_rate_hz and info.shortest_s <= problem.duration <= info.longest_s + LENGTH_SLACK
+    )
+
+
+def solve(name: str, problem: Problem, options: Options) -> Result:
+    """What a method finds of one recording, corrected by a deviation curve where one is given.
+
+    Raises
+    ------
+    InputError
+        As `check`, and where the method itself cannot work on the recording.
+    """
+    method = check(name, problem, options)
+    too_short = length_finding(problem.gyro_b.shape[-2], problem.duration)
+    if too_short is not None:
+        return unknown(problem.mean, why="too short for any other", refusals=(too_short,))
+    result = method.solve(problem, options)
+    if options.deviation is None:
+        return result
+    if not METHODS.info(result.method).corrected_by_deviation:
+        raise InputError(
+            f"A deviation curve corrects the closed form, but the method is {result.method}. Use --method mean with it."
+        )
+    return correction.corrected(result, problem, options.deviation)
+
+
+def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mask, Problem, Result]]:
+    """Results of a batch, shape (n,), in groups: which recordings, their problem, and what was found.
+
+    Recordings that the method works at once are one group; each of the others is one of its own, solved as a single
+    recording is, so that a batch and its recordings one by one give the same.
+    """
+    method, everything = check(name, problem, options), np.ones(problem.shape, dtype=bool)
+    too_short = length_finding(problem.gyro_b.shape[-2], problem.duration)
+    if too_short is not None:
+        return [(everything, problem, unknown(problem.mean, refusals=(too_short,)))]
+    if METHODS.info(name).batched:
+        return [(everything, problem, method.solve(problem, options))]
+    groups, rest = [], everything
+    if isinstance(method, Sorting):
+        other, left = method.leaves(problem)
+        if left.any():
+            some = problem[left]
+            groups.append((left, some, method.left(METHODS[other].solve(some, Options()))))
+        rest = ~left
+    for index in np.flatnonzero(rest):
+        one, only = problem[index], np.arange(len(rest)) == index
+        groups.append((only, one, solve(name, one, options)))
+    return groups
