@@ -14,7 +14,7 @@ horizontal rate, its vertical part is Earth's, both within the turn-on bias.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 
@@ -89,11 +89,13 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
     latitude : float
         Geodetic latitude, rad.
     errors : TriadErrors, optional
-        Error terms of the gyro. Without them the white noise comes from neighbouring samples
-        and the turn-on bias is averaged over `UNKNOWN_BIAS`.
+        Error terms of the gyro. Without them the turn-on bias is averaged over `UNKNOWN_BIAS`; without white noise
+        that is read from neighbouring samples.
     """
     gyro_l = np.asarray(gyro_l, dtype=float)
-    known = errors if errors is not None else TriadErrors(white=white_of(gyro_l) / np.sqrt(rate_hz))
+    known = errors or TriadErrors()
+    if known.white == 0:
+        known = replace(known, white=white_of(gyro_l) / np.sqrt(rate_hz))
     biases = (known.turn_on_bias,) if errors is not None else UNKNOWN_BIAS
     grid = _grid(len(gyro_l), rate_hz, known)
     masked = _first_mask(gyro_l)

@@ -109,8 +109,8 @@ def turned(
     latitude : float
         Geodetic latitude, rad.
     errors : Sensor, optional
-        Error model. Without it the white noise comes from the scatter within poses, the in-run
-        drift from the likelihood of the fit, and any turn-on bias is allowed.
+        Error model; a white noise of zero is read from the recording. Without a model the white noise comes from the
+        scatter within poses, the in-run drift from the likelihood of the fit, and any turn-on bias is allowed.
     turn_angles : array_like, shape (turns,), optional
         Angles of the turns between poses, rad, clockwise from above, as an index table gives
         them, good to `TURN_ANGLE_SIGMA`. Without it they come from the gyro.
@@ -140,10 +140,11 @@ def turned(
     per_stretch = blocks_per_stretch(len(segments.stretches), None if errors is None else errors.gyro)
     blocks = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=per_stretch)
     given = _given_angles(turn_angles, segments)
+    fine = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=4 * per_stretch)
     if errors is not None:
-        return _fit(blocks, errors, segments, latitude, given)[0]
+        return _fit(blocks, _with_noise(errors, blocks, fine), segments, latitude, given)[0]
     fits, start = [], None
-    for sensor in _candidates(blocks, cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=4 * per_stretch)):
+    for sensor in _candidates(blocks, fine):
         *fit, start = _fit(blocks, sensor, segments, latitude, given, start)
         fits.append(fit)
     return _averaged(fits)
@@ -377,6 +378,16 @@ def _candidates(blocks: Blocks, fine: Blocks) -> list[Sensor]:
     return [
         Sensor("inferred", replace(gyro, flicker=ratio * white / np.sqrt(longest)), accel) for ratio in UNKNOWN_FLICKER
     ]
+
+
+def _with_noise(sensor: Sensor, blocks: Blocks, fine: Blocks) -> Sensor:
+    """A profile that states no white noise takes that of the recording: nothing measures without any."""
+    gyro, accel = sensor.gyro, sensor.accel
+    if gyro.white == 0:
+        gyro = replace(gyro, white=_white(_scatter(blocks, blocks.gyro_b), _scatter(fine, fine.gyro_b)))
+    if accel.white == 0 and blocks.accel_b is not None:
+        accel = replace(accel, white=max(_scatter(blocks, blocks.accel_b)[0], QUIETEST_FORCE))
+    return replace(sensor, gyro=gyro, accel=accel)
 
 
 def _scatter(blocks: Blocks, values: Array) -> tuple[float, float]:
