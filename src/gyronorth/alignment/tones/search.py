@@ -25,7 +25,7 @@ from gyronorth.angles import DEG_PER_HOUR, wrap, wrap_heading
 from gyronorth.arrays import Array, Index
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 #: Tones: lowest and highest frequency, Hz, and spacing x duration: 0.00125 Hz at 100 s.
 FREQUENCIES, SPACING = (0.008, 0.3), 0.125
@@ -121,7 +121,7 @@ def white_of(gyro_l: Array) -> float:
 def _grid(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
     duration = samples / rate_hz
     edges = np.arange(samples + 1)
-    covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
     whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
     highest = min(FREQUENCIES[1], 0.4 * rate_hz)
     frequency = np.arange(FREQUENCIES[0], highest, SPACING / duration)

@@ -33,7 +33,7 @@ from gyronorth.attitude import level, mat_bn, rotation
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 #: Least standard deviation of a mean rate, rad/s: a sensor without errors stays finite.
 RATE_FLOOR = 1e-12
@@ -246,9 +246,8 @@ class _Solution:
         gain = gradient @ self.gain[:3]
 
         def through_gyro(white: bool) -> float:
-            cov = mean_covariance(
-                sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz, white=white, drift=not white
-            )
+            law = NoiseLaw(sensor.gyro)
+            cov = law.mean_covariance(blocks.first, blocks.last, rate_hz=blocks.rate_hz, white=white, drift=not white)
             return float(gain @ self.linear.covariance(cov, own=False) @ gain)
 
         used = (self.known.sigma > 0) & (self.known.information > 0)
@@ -278,7 +277,7 @@ def _solve(
     start: State | None = None,
 ) -> _Solution:
     known = prior(sensor, spins=int(blocks.spin.max(initial=-1)) + 1, bias_known=bias_known)
-    gyro = mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz)
+    gyro = NoiseLaw(sensor.gyro).mean_covariance(blocks.first, blocks.last, rate_hz=blocks.rate_hz)
     gyro = gyro + RATE_FLOOR**2 * np.eye(len(gyro))
     state, change = start or _first_guess(blocks, gyro, known, latitude), np.full(3, np.inf)
     for step in range(STEPS + 1):
