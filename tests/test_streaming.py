@@ -181,7 +181,7 @@ def in_one_block(name):
     return stream_of(scene(name), blocks=(10**6,), sensor=SENSOR, method="mean")
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     blocks=st.lists(st.integers(1, 5000), min_size=1, max_size=8).filter(lambda sizes: sum(sizes) > 100 * len(sizes))
 )

@@ -116,7 +116,7 @@ def test_chunks_do_not_show(chunk, monkeypatch):
     assert_allclose(allan_variance(x, m), whole, rtol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     n=st.integers(10, 300),
