@@ -65,6 +65,22 @@ def test_imports_go_one_way(monkeypatch):
     assert lint_imports(config_filename="pyproject.toml") == 0
 
 
+#: Of other packages, and what is still to get a public place.
+PRIVATE_NAMES = {"_exit", "_state", "_get_variance", "_store", "_found", "_grid", "_scan", "_posterior"}
+
+
+def test_tests_reach_for_no_private_name():
+    found = set()
+    for path in (ROOT / "tests").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gyronorth"):
+                found |= {(path.name, alias.name) for alias in node.names}
+            elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") not in ("self", "cls"):
+                found.add((path.name, node.attr))
+    private = {(file, name) for file, name in found if name.startswith("_") and not name.endswith("__")}
+    assert {name for _, name in private} <= PRIVATE_NAMES, private
+
+
 def test_sizes():
     """Lines of every file, parameters of every public function."""
     assert len(SOURCES) > 100

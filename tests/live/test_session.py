@@ -357,9 +357,9 @@ def test_a_file_that_cannot_be_made_is_an_error_of_the_recording(tmp_path):
 
 
 def test_the_head_of_a_recording_says_all_that_was_declared(tmp_path):
-    reader = LineReader("stream", ReadOptions(gyro_unit="deg/h", accel_unit="g", axes="flu", latitude=radians(-33)))
-    batches = reader.push("".join(ROWS[:3]).encode())
-    stretch = Stretch("stream", batches[0].form, gn_facts(), reader._options)
+    options = ReadOptions(gyro_unit="deg/h", accel_unit="g", axes="flu", latitude=radians(-33))
+    batches = LineReader("stream", options).push("".join(ROWS[:3]).encode())
+    stretch = Stretch("stream", batches[0].form, gn_facts(), options)
     recorder = Recorder(tmp_path / "rec.csv")
     recorder.begin(stretch, "tcp:here:1", start_time_utc="2026-01-01T00:00:00.000Z")
     recorder.rate(123.4)
