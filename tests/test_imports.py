@@ -66,7 +66,18 @@ def test_imports_go_one_way(monkeypatch):
 
 
 #: Of other packages, and what is still to get a public place.
-PRIVATE_NAMES = {"_exit", "_state", "_gather", "_get_variance", "_store", "_next", "_found", "_grid", "_scan", "_posterior"}
+PRIVATE_NAMES = {
+    "_exit",
+    "_state",
+    "_gather",
+    "_get_variance",
+    "_store",
+    "_next",
+    "_found",
+    "_grid",
+    "_scan",
+    "_posterior",
+}
 
 
 def test_tests_reach_for_no_private_name():
