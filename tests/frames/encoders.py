@@ -251,7 +251,7 @@ def _vectornav(groups: int, masks: tuple[int, ...], payload: bytes) -> bytes:
 
 
 def vectornav(n: int = 1500, *, delta: bool = True, rate: float = 100.0) -> Case:
-    """Common: TimeStartup and AngularRate (wrong on purpose); IMU: UncompAccel, UncompGyro, Temp, and DeltaTheta, DeltaVel."""
+    """Common: TimeStartup and a wrong AngularRate; IMU: UncompAccel, UncompGyro, Temp, and DeltaTheta and DeltaVel."""
     gyro, accel = signal(n, FRD)
     interval = float(np.float32(1 / rate))
     turn, speed = np.degrees(gyro * interval).astype("<f4"), (accel * interval).astype("<f4")
@@ -394,14 +394,10 @@ def anello_x3(n: int = 1500, *, rate: float = 200.0) -> Case:
     gyro, accel = signal(n, FRD)
     gyro_step, accel_step = np.radians(1e-7), 8 / 2**15 * G
     w, f = counts(gyro, gyro_step), counts(accel, accel_step)
-    frames = [
-        _x3(
-            253,
-            struct.pack("<QQ3h3h3i3hhHHBBB", round(1e9 / rate) * i, 0, *f[i], 1, 2, 3, *w[i], 4, 5, 6, 2500, 8 << 11 | 400,
-                        200, 0, 0, 0),
-        )
-        for i in range(n)
-    ]  # fmt: skip
+    frames = []
+    for i in range(n):
+        payload = struct.pack("<QQ3h3h3i", round(1e9 / rate) * i, 0, *f[i], 1, 2, 3, *w[i])
+        frames.append(_x3(253, payload + struct.pack("<3hhHHBBB", 4, 5, 6, 2500, 8 << 11 | 400, 200, 0, 0, 0)))
     return Case(
         "anello-x3", "anello-x3", rate, w * gyro_step, f * accel_step, frames, gyro_step, accel_step,
         others=(_x3(251, bytes(20)),), knows_lost="clock",

@@ -60,7 +60,7 @@ def decode(data: bytes, protocol: str | None = None, options: Options | None = N
     if name is None:
         raise InputError(
             f"No frames of a known protocol are in these {len(data)} bytes: no start is followed by a checksum that "
-            f"holds. Known are {', '.join(NAMES)}. The likely cause is a wrong baud rate or another message of the unit."
+            f"holds. Known are {', '.join(NAMES)}. The likely cause is a wrong baud rate, or another message."
         )
     stream = FrameStream(name, options)
     parts = [stream.feed(data[at : at + PIECE]) for at in range(0, len(data), PIECE)]

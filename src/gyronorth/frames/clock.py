@@ -119,4 +119,4 @@ class Numbering:
             ticks[0] = 0
         elapsed = self._elapsed + np.cumsum(ticks)
         self._elapsed = int(elapsed[-1])
-        return elapsed * fields.tick
+        return elapsed.astype(float) * fields.tick

@@ -123,12 +123,12 @@ class FrameStream:
         ]
         if not confirmed:
             return False
-        self._layout = min(confirmed)[2]
+        self._layout = layout = min(confirmed)[2]
         for i in np.flatnonzero(first.layout < -1).tolist():
             self._facts.append(first.rows(np.array([i])))
         index = np.flatnonzero(first.layout == self._layout)
         fields = self._fields(first, index)
-        self._scale = self._protocol.scale(self._layout, self._facts, self._options)
+        self._scale = self._protocol.scale(layout, self._facts, self._options)
         self._choose_rate(rate_of_clock(fields))
         self._scale, findings = self._protocol.infer(fields, self._scale, self._options, self._rate)
         self._findings += findings
@@ -257,7 +257,7 @@ def _merged(parts: Sequence[Fields], order: Index) -> Fields:
 
 
 def _usable(fields: Fields, gyro: Array, accel: Array | None) -> Mask:
-    usable = (np.abs(gyro) < LARGEST_RATE).all(axis=1)
+    usable = np.asarray((np.abs(gyro) < LARGEST_RATE).all(axis=1))
     if accel is not None:
         usable &= (np.abs(accel) < LARGEST_FORCE).all(axis=1)
     if fields.temperature is not None:

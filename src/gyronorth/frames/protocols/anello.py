@@ -1,13 +1,13 @@
 """ANELLO text output #APIMU.
 
-`#APIMU,` time since power-up (ms), time of synchronisation (ms; only in newer firmware), AX, AY, AZ (g), WX, WY, WZ of the
-MEMS gyros (deg/s), OG_WX, OG_WY, OG_WZ of the optical gyros (deg/s), ..., temperature, `*` and the exclusive or of all
-between # and * in two digits. The optical gyros are taken. Lines of units with one optical gyro (EVK, GNSS INS: OG_WZ alone)
-have the MEMS rates of x and y, and are refused: these cannot find north.
+`#APIMU,` time since power-up (ms), time of synchronisation (ms; only in newer firmware), AX, AY, AZ (g), WX, WY, WZ of
+the MEMS gyros (deg/s), OG_WX, OG_WY, OG_WZ of the optical gyros (deg/s), ..., temperature, `*` and the exclusive or of
+all between # and * in two digits. The optical gyros are taken. Lines of units with one optical gyro (EVK, GNSS INS:
+OG_WZ alone) have the MEMS rates of x and y, and are refused: these cannot find north.
 
-Sources: docs-a1.readthedocs.io; facts of the ANELLO ROS driver. Its real line (an EVK, checksum 55) is in the tests: the
-checksum holds and it is refused. The line with three optical gyros is not verified against a real one, nor is where the axes
-point (a unit at rest showed +1 g on z).
+Sources: docs-a1.readthedocs.io; facts of the ANELLO ROS driver. Its real line (an EVK, checksum 55) is in the tests:
+the checksum holds and it is refused. The line with three optical gyros is not verified against a real one, nor is
+where the axes point (a unit at rest showed +1 g on z).
 """
 
 from __future__ import annotations

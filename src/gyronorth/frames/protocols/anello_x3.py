@@ -1,12 +1,12 @@
 """ANELLO X3 binary output.
 
-C5 50, 0xFD, length (55), data (little endian), Fletcher's sum over type, length and data. Time since power-up (u64, ns),
-time of synchronisation, three int16 of acceleration and three of MEMS rate (of their ranges over 2^15), three int32 of optical
-rate (1e-7 deg/s), magnetic field, temperature (0.01 degC), ranges, status of each optical gyro. The optical gyros are taken.
-x forward, y right, z down.
+C5 50, 0xFD, length (55), data (little endian), Fletcher's sum over type, length and data. Time since power-up (u64,
+ns), time of synchronisation, three int16 of acceleration and three of MEMS rate (of their ranges over 2^15), three
+int32 of optical rate (1e-7 deg/s), magnetic field, temperature (0.01 degC), ranges, status of each optical gyro. The
+optical gyros are taken. x forward, y right, z down.
 
-Source: facts of ArduPilot's AnelloX3 driver (which writes 3.05e-5 for 2^-15 and uses the axes as they are). Not verified
-against a real frame.
+Source: facts of ArduPilot's AnelloX3 driver (which writes 3.05e-5 for 2^-15 and uses the axes as they are). Not
+verified against a real frame.
 """
 
 from __future__ import annotations

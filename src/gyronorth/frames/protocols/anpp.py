@@ -1,11 +1,12 @@
 """Advanced Navigation packet protocol (ANPP): packet 28, raw sensors.
 
 A header of five bytes (its own checksum LRC, packet, length, CRC-16), then the data; the LRC makes the five bytes sum
-to 0 modulo 256, the CRC-16 (0x1021, start FFFF) covers the data. Twelve float32: specific force m/s^2, rate rad/s, magnetic
-field, temperature, pressure, its temperature. x forward, y right, z down. The packet has no time.
+to 0 modulo 256, the CRC-16 (0x1021, start FFFF) covers the data. Twelve float32: specific force m/s^2, rate rad/s,
+magnetic field, temperature, pressure, its temperature. x forward, y right, z down. The packet has no time.
 
-Sources: Boreas and Certus reference manuals; the layout as in the official package `advanced-navigation` (MIT), against
-which the decoder is tested. No real stream was at hand. Sensor faults are told in packet 20, which is not read.
+Sources: Boreas and Certus reference manuals; the layout as in the official package `advanced-navigation` (MIT),
+against which the decoder is tested. No real stream was at hand. Sensor faults are told in packet 20, which is not
+read.
 """
 
 from __future__ import annotations

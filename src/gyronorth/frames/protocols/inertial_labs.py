@@ -1,11 +1,11 @@
 """Inertial Labs user-defined data (message 0x95).
 
 AA 55, 01, 95, length (u16; of all but the first two bytes), number of data, their types, the data (little endian), the
-sum of all bytes after AA 55 modulo 2^16. Read are 0x21 rate (int32, 1e-5 deg/s), 0x23 specific force (int32, 1e-6 g), 0x01
-time of the week (ms), 0x52 temperature (0.1 degC). x right, y forward, z up.
+sum of all bytes after AA 55 modulo 2^16. Read are 0x21 rate (int32, 1e-5 deg/s), 0x23 specific force (int32, 1e-6 g),
+0x01 time of the week (ms), 0x52 temperature (0.1 degC). x right, y forward, z up.
 
-Sources: facts of ArduPilot's Inertial Labs driver (lengths of the types, axes). Data after a type of unknown length are
-not read. The unit status word 0x53 is not read. Not verified against a real message.
+Sources: facts of ArduPilot's Inertial Labs driver (lengths of the types, axes). Data after a type of unknown length
+are not read. The unit status word 0x53 is not read. Not verified against a real message.
 """
 
 from __future__ import annotations

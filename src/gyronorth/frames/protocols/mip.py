@@ -2,7 +2,8 @@
 
 75 65, set, length, fields (length with header, descriptor, data; big endian), Fletcher's sum over all before it. Taken
 are delta theta and delta velocity (0x07, 0x08), where the packet holds a time that gives their interval, else scaled
-gyro and accelerometer (0x05, 0x04); time is the reference time 0xD5, or GPS time 0xD3 or 0x12. x forward, y right, z down.
+gyro and accelerometer (0x05, 0x04); time is the reference time 0xD5, or GPS time 0xD3 or 0x12. x forward, y right, z
+down.
 
 Sources: MicroStrain DCP manuals; descriptors and overrange bits as in `pymscl` (MIT), against which the decoder's
 framing is tested. Not verified against a real packet.

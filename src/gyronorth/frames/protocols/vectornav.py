@@ -1,9 +1,9 @@
 """VectorNav binary output.
 
-FA, a byte of groups, a 16-bit mask of fields for each group, the fields (little endian), a CRC-16 (0x1021, start 0, sent
-high byte first) over all after FA. Taken, in this order: DeltaTheta and DeltaVel (integrals, with their own time), the
-uncompensated rate and acceleration, and only then AngularRate and Accel, which carry the on-board filter's bias: at
-rest that bias can hold Earth rate itself. x forward, y right, z down.
+FA, a byte of groups, a 16-bit mask of fields for each group, the fields (little endian), a CRC-16 (0x1021, start 0,
+sent high byte first) over all after FA. Taken, in this order: DeltaTheta and DeltaVel (integrals, with their own
+time), the uncompensated rate and acceleration, and only then AngularRate and Accel, which carry the on-board filter's
+bias: at rest that bias can hold Earth rate itself. x forward, y right, z down.
 
 Sources: UM001 and UM005 (binary output message), field lengths and SensSat bits as in VectorNav's programming library.
 Not verified against a real frame. Outputs with fields of variable length (RawMeas, SatInfo) or more than seven groups
@@ -116,6 +116,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
         safe = np.where(usable[:, None], span, 1.0)
         angle = triad(group, bit, 4)
         velocity = triad(_COMMON, 11, 16) if group == _COMMON else triad(_IMU, 7)
+        assert angle is not None
         rate = np.radians(angle) / safe
         force = velocity / safe if velocity is not None else force
     elif layout & 15 == _RAW:

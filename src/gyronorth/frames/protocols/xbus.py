@@ -1,12 +1,12 @@
 """Xsens Xbus messages MTData2.
 
-FA, FF, 0x36, length (FF: two bytes more), blocks (identifier u16, length, data; big endian), a byte that makes the sum of
-all but FA zero modulo 256. Numbers are float32, fixed point 12.20, fixed point 16.32 or float64, by the low two bits of
-the identifier. Taken are DeltaQ and DeltaV (integrals), where the message holds SampleTimeFine, which gives their
-interval; else RateOfTurn and Acceleration, else their high-rate forms. x forward, y left, z up.
+FA, FF, 0x36, length (FF: two bytes more), blocks (identifier u16, length, data; big endian), a byte that makes the sum
+of all but FA zero modulo 256. Numbers are float32, fixed point 12.20, fixed point 16.32 or float64, by the low two
+bits of the identifier. Taken are DeltaQ and DeltaV (integrals), where the message holds SampleTimeFine, which gives
+their interval; else RateOfTurn and Acceleration, else their high-rate forms. x forward, y left, z up.
 
-Sources: Xsens MT low-level protocol documentation MT0101P; status word as in the MTi user manual MT0605P, section 4.13.
-Not verified against a real message.
+Sources: Xsens MT low-level protocol documentation MT0101P; status word as in the MTi user manual MT0605P, section
+4.13. Not verified against a real message.
 """
 
 from __future__ import annotations
