@@ -15,12 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from zlib import crc32
 
 import numpy as np
 
 from gyronorth.arrays import Index, Mask
 from gyronorth.errors import InputError
-from gyronorth.frames.checksums import column, crc_lsb
+from gyronorth.frames.checksums import column
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16, with_head
 from gyronorth.frames.protocols.text import hex_at_end, line_starts, numbers, texts
 
@@ -101,10 +103,16 @@ def _whole(rows: Bytes) -> Mask:
     text, whole = _is_text(rows), np.zeros(len(rows), bool)
     lines, binary = rows[text], rows[~text]
     if len(lines):
-        whole[text] = crc_lsb(lines[:, 1:-9], 32, 0xEDB88320, 0) == hex_at_end(lines, 8)
+        whole[text] = _crc(lines[:, 1:-9]) == hex_at_end(lines, 8)
     if len(binary):
-        whole[~text] = crc_lsb(binary[:, :-4], 32, 0xEDB88320, 0) == column(binary, rows.shape[1] - 4, "<u4")
+        whole[~text] = _crc(binary[:, :-4]) == column(binary, rows.shape[1] - 4, "<u4")
     return whole
+
+
+def _crc(rows: Bytes) -> Index:
+    """NovAtel's CRC-32 is that of zlib, but with start 0 and without the final exclusive or."""
+    ones = 0xFFFFFFFF
+    return np.array([crc32(row, ones) ^ ones for row in np.ascontiguousarray(rows)], np.int64)
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -125,14 +133,13 @@ def _layouts(rows: Bytes) -> Index:
 
 
 def _layout_of_line(line: bytes) -> int:
-    head, _, body = line.partition(b";")
-    log = _NAMES.get(head.partition(b",")[0])
-    fields = body.split(b",")
-    if log is None or len(fields) != (11 if log in _TYPED else 9):
+    log, body = _NAMES.get(line.partition(b",")[0]), line.find(b";") + 1
+    if log is None or line.count(b",", body) != (10 if log in _TYPED else 8):
         return OTHER
     if log not in _TYPED:
         return log * 1000
-    return log * 1000 + int(fields[1]) if fields[1].isdigit() and len(fields[1]) <= 3 else OTHER
+    imu = line[body : body + 8].split(b",")[1]
+    return log * 1000 + int(imu) if imu.isdigit() and len(imu) <= 3 else OTHER
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:
@@ -141,7 +148,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     info, week, second, counts = (np.zeros((len(rows), *shape)) for shape in ((), (), (), (6,)))
     if text.any():
         lines = [line.partition(b";")[2].split(b",") for line in texts(rows[text], 1, -9)]
-        info[text] = [int(line[0], 16) if typed and _is_hex(line[0]) else 0 for line in lines]
+        info[text] = [_hexadecimal(line[0]) if typed else 0 for line in lines]
         table = numbers(lines, [*((2, 3) if typed else (0, 1)), *range(-6, 0)])
         week[text], second[text], counts[text] = table[:, 0], table[:, 1], table[:, 2:]
     if not text.all():
@@ -154,22 +161,25 @@ def _fields(rows: Bytes, layout: int) -> Fields:
         counts[~text] = column(binary, at + 16, "<i4", 6)
     usable = np.isfinite(counts).all(axis=1) & (np.abs(second) <= _WEEK_S) & (week >= 0) & (week < 10000)
     usable &= (info.astype(int) & _ENCRYPTED) == 0
-    seconds = np.where(usable, week * _WEEK_S + np.where(usable, second, 0.0), 0.0)
+    second, week = np.where(usable, second, 0.0), np.where(usable, week, 0.0)
     turned = np.array([1.0, -1.0, 1.0])
     return Fields(
         gyro=counts[:, [5, 4, 3]] * turned,
         accel=counts[:, [2, 1, 0]] * turned,
-        ticks=np.where(usable, np.round(np.where(usable, second, 0) * 1e6) + week * _WEEK_S * 1e6, 0).astype(np.int64)
-        if usable.any()
-        else seconds.astype(np.int64),
+        ticks=np.round((week * _WEEK_S + second) * 1e6).astype(np.int64),
         tick=1e-6,
         fault=(info.astype(int) & _ERROR) != 0,
         usable=usable,
     )
 
 
-def _is_hex(text: bytes) -> bool:
-    return 0 < len(text) <= 2 and all(character in b"0123456789abcdefABCDEF" for character in text)
+@lru_cache(256)
+def _hexadecimal(text: bytes) -> int:
+    """The information byte; what is none counts as an error of the IMU."""
+    try:
+        return int(text[:2], 16)
+    except ValueError:
+        return _ERROR
 
 
 def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
