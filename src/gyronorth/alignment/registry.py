@@ -95,6 +95,12 @@ class _Methods(Mapping[str, Method]):
             self._loaded[name] = module.method(name) if hasattr(module, "method") else module.METHOD
         return self._loaded[name]
 
+    def __contains__(self, name: object) -> bool:
+        try:
+            return self[str(name)] is not None
+        except InputError:
+            return False
+
     def info(self, name: str) -> MethodInfo:
         """The row of a method, without importing it."""
         return self._rows[name] if name in self._rows else self[name].info
