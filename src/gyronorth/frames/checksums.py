@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Rows = NDArray[np.uint8]
-Words = NDArray[np.uint32]
+Words = NDArray[np.int64]
+#: Below this number of frames (a false start of its own length, a live stream) plain integers are faster.
+_FEW = 32
 
 
 @cache
@@ -24,42 +26,58 @@ def _table(width: int, polynomial: int, reflected: bool) -> Words:
             else:
                 crc = ((crc << 1) & mask) ^ (polynomial if crc >> (width - 1) else 0)
         entries.append(crc)
-    return np.array(entries, np.uint32)
+    return np.array(entries, np.int64)
 
 
 def crc_msb(rows: Rows, width: int, polynomial: int, start: int) -> Words:
     """CRC that takes the highest bit first, without final exclusive or, shape (frames,)."""
-    table, mask = _table(width, polynomial, False), np.uint32((1 << width) - 1)
-    crc = np.full(len(rows), start, np.uint32)
-    for column in rows.T:
-        crc = ((crc << np.uint32(8)) & mask) ^ table[(crc >> np.uint32(width - 8)) ^ column]
+    table, mask = _table(width, polynomial, False), (1 << width) - 1
+    if len(rows) < _FEW:
+        return np.array([_one_msb(row, table.tolist(), width, start) for row in rows.tolist()], np.int64)
+    crc = np.full(len(rows), start, np.int64)
+    for column in np.ascontiguousarray(rows.T):
+        crc = ((crc << 8) & mask) ^ table[(crc >> (width - 8)) ^ column]
     return crc
 
 
 def crc_lsb(rows: Rows, width: int, polynomial: int, start: int) -> Words:
     """CRC that takes the lowest bit first (`polynomial` reflected), without final exclusive or, shape (frames,)."""
     table = _table(width, polynomial, True)
-    crc = np.full(len(rows), start, np.uint32)
-    for column in rows.T:
-        crc = (crc >> np.uint32(8)) ^ table[(crc & np.uint32(0xFF)) ^ column]
+    if len(rows) < _FEW:
+        return np.array([_one_lsb(row, table.tolist(), start) for row in rows.tolist()], np.int64)
+    crc = np.full(len(rows), start, np.int64)
+    for column in np.ascontiguousarray(rows.T):
+        crc = (crc >> 8) ^ table[(crc & 0xFF) ^ column]
+    return crc
+
+
+def _one_msb(row: list[int], table: list[int], width: int, crc: int) -> int:
+    mask, shift = (1 << width) - 1, width - 8
+    for value in row:
+        crc = ((crc << 8) & mask) ^ table[(crc >> shift) ^ value]
+    return crc
+
+
+def _one_lsb(row: list[int], table: list[int], crc: int) -> int:
+    for value in row:
+        crc = (crc >> 8) ^ table[(crc & 0xFF) ^ value]
     return crc
 
 
 def fletcher_16(rows: Rows) -> Words:
     """Fletcher's sum modulo 256: first sum in the high byte, sum of the sums in the low byte, shape (frames,)."""
-    weight = np.arange(rows.shape[1], 0, -1, dtype=np.uint32)
-    first, second = rows.sum(axis=1, dtype=np.uint32), rows @ weight
-    return ((first & np.uint32(0xFF)) << np.uint32(8)) | (second.astype(np.uint32) & np.uint32(0xFF))
+    weight = np.arange(rows.shape[1], 0, -1, dtype=np.int64)
+    return ((rows.sum(axis=1, dtype=np.int64) & 0xFF) << 8) | ((rows @ weight) & 0xFF)
 
 
 def xor_8(rows: Rows) -> Words:
     """Exclusive or of all bytes, shape (frames,)."""
-    return np.bitwise_xor.reduce(rows, axis=1).astype(np.uint32)
+    return np.bitwise_xor.reduce(rows, axis=1).astype(np.int64)
 
 
 def sum_16_words(rows: Rows) -> Words:
     """Sum modulo 2^16 of little-endian 16-bit words; `rows` has an even length. Shape (frames,)."""
-    return column(rows, 0, "<u2", rows.shape[1] // 2).sum(axis=1, dtype=np.uint32) & np.uint32(0xFFFF)
+    return column(rows, 0, "<u2", rows.shape[1] // 2).sum(axis=1, dtype=np.int64) & 0xFFFF
 
 
 def column(rows: Rows, offset: int, dtype: str, count: int = 1) -> NDArray:

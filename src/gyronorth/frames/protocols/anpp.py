@@ -11,12 +11,10 @@ read.
 
 from __future__ import annotations
 
-from binascii import crc_hqx
-
 import numpy as np
 
 from gyronorth.arrays import Index, Mask
-from gyronorth.frames.checksums import column
+from gyronorth.frames.checksums import column, crc_msb
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol
 
 _RAW_SENSORS, _SIZE, _HEADER = 28, 48, 5
@@ -32,11 +30,7 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
 
 
 def _whole(rows: Bytes) -> Mask:
-    if rows.shape[1] == _HEADER:
-        return np.zeros(len(rows), bool)
-    # starts of all lengths occur, a few of each: one at a time
-    crc = [crc_hqx(row.tobytes(), 0xFFFF) for row in np.ascontiguousarray(rows[:, _HEADER:])]
-    return np.array(crc) == column(rows, 3, "<u2")
+    return (crc_msb(rows[:, _HEADER:], 16, 0x1021, 0xFFFF) == column(rows, 3, "<u2")) & (rows.shape[1] > _HEADER)
 
 
 def _layouts(rows: Bytes) -> Index:
