@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from frames import encoders
 from frames.encoders import CASES, G
+
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.frames import FrameStream, Options, Report, Samples, decode, recognise
@@ -359,6 +359,17 @@ def test_a_declared_rate_that_the_clock_contradicts_is_told():
     _, report = run(case, Options(rate_hz=100.0))
     assert report.rate_hz == 200.0
     assert "but 100 Hz (declared)" in report.findings[0].message
+
+
+def test_a_unit_that_is_set_anew_is_told_once():
+    frames = encoders.stim(200).frames
+    other = [stim_body((1, 2, 3), counter=i & 0xFF) for i in range(300)]
+    stream = FrameStream("stim", Options(rate_hz=500.0))
+    for frame in [*frames, *other]:
+        stream.feed(frame)
+    report = stream.report
+    assert [finding.code for finding in report.findings].count("layout_changed") == 1
+    assert (report.samples, report.other) == (200, 300)
 
 
 def test_a_stream_ends_before_enough_frames():

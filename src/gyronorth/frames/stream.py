@@ -33,6 +33,12 @@ _CHANGED = Finding(
 )
 
 
+_OTHER_LAYOUT = Finding(
+    "layout_changed",
+    f"The unit has sent {HELD} frames of inertial data in another layout than at the start. Start anew.",
+)
+
+
 class FrameStream:
     """Decodes a stream of bytes of one protocol, piece by piece.
 
@@ -64,6 +70,7 @@ class FrameStream:
         self._has_clock = False
         self._numbering: Numbering | None = None
         self._findings: tuple[Finding, ...] = ()
+        self._strange = 0  # frames with data of other layouts since the last one of ours
         self._samples = self._other = self._unusable = self._saturated = self._fault = 0
 
     def feed(self, piece: bytes) -> Samples | None:
@@ -175,6 +182,7 @@ class FrameStream:
         """Samples of frames after the layout is settled; a configuration among them changes the scale from there."""
         index = np.flatnonzero(frames.layout == self._layout)
         self._other += len(frames) - len(index)
+        self._watch(frames.layout)
         if not len(index):
             return None
         fields = self._fields(frames, index)
@@ -198,6 +206,15 @@ class FrameStream:
         if not usable.any():
             return None
         return self._samples_of(fields, gyro, accel, frames, index, usable)
+
+    def _watch(self, layout: Index) -> None:
+        """Tell it where only other layouts come for a while: the unit was set anew."""
+        ours = np.flatnonzero(layout == self._layout)
+        data = layout >= 0
+        since = int(data[ours[-1] + 1 :].sum()) if len(ours) else self._strange + int(data.sum())
+        if self._strange < HELD <= since:
+            self._findings += (_OTHER_LAYOUT,)
+        self._strange = since
 
     def _samples_of(
         self, fields: Fields, gyro: Array, accel: Array | None, frames: Frames, index: Index, usable: Mask
