@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from frames.encoders import CASES, Case
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from frames.encoders import CASES, Case
 from gyronorth.errors import InputError
 from gyronorth.frames import NAMES, FrameStream, Options, Samples, decode, recognise
 from gyronorth.frames.clock import NOMINAL_HZ, rate_of_clock
