@@ -11,8 +11,8 @@ from threading import Event
 import numpy as np
 from still import LATITUDE, SI, TITLES, rows_of, still
 
+from gyronorth.live.events import Bytes, Connected, Emit, Ended, SourceEvent
 from gyronorth.live.session import Session, Settings
-from gyronorth.live.sources import Connected, Data, Emit, Ended, SourceEvent
 from gyronorth.readers import ReadOptions
 
 RATE_HZ = 100.0
@@ -46,7 +46,7 @@ class Played:
             elif callable(event):
                 event()
             else:
-                emit(event if isinstance(event, SourceEvent) else Data("".join(event).encode()))
+                emit(event if isinstance(event, SourceEvent) else Bytes("".join(event).encode()))
         emit(Ended())
 
 

@@ -1,4 +1,4 @@
-"""The names of the house, as plain data: methods, findings, kinds of disturbance.
+"""The names of the house, as plain data: methods, findings, formats, kinds of disturbance.
 
 It imports nothing heavy, so that `--help`, the enumerations of the command line, the documentation and the live page
 can read it at no cost. A row says what is true of an entry; what it does stands in the module that the row names.
@@ -161,6 +161,41 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("older_dropped", "warning", "older samples dropped", "Older samples are no longer used."),
     FindingInfo("older_merged", "warning", "older samples merged", "Older samples are kept as means."),
 )
+
+
+@dataclass(frozen=True)
+class FormatInfo:
+    """One file format of recordings, and which declarations it takes."""
+
+    name: str
+    title: str  # for people
+    module: str  # where its `FORMAT` stands, or `FORMATS` by name where a file holds several
+    suffixes: tuple[str, ...] = ()  # that say the format; others are looked into
+    written: tuple[str, ...] = ()  # suffixes under which it is written
+    extra: str | None = None  # of the package, with the libraries that it needs
+    takes_columns: bool = True
+    takes_variable: bool = False
+    takes_topic: bool = False
+
+
+_FORMATS = "gyronorth.readers.formats."
+#: Every format. What is looked into is tried in this order; CSV is what nothing else recognises.
+FORMATS: tuple[FormatInfo, ...] = (
+    FormatInfo("csv", "CSV", _FORMATS + "csv", (".csv",), (".csv",)),
+    FormatInfo("psins", "PSINS .imu", _FORMATS + "psins", (".imu",)),
+    FormatInfo("mt-manager", "MT Manager export", _FORMATS + "mt_manager"),
+    FormatInfo("mat", "MATLAB .mat", _FORMATS + "mat", (".mat",), takes_variable=True),
+    FormatInfo("npz", "NumPy .npz", _FORMATS + "npz", (".npz",), (".npz",)),
+    FormatInfo("hdf5", "HDF5", _FORMATS + "hdf5", (".h5", ".hdf5"), (".h5", ".hdf5"), extra="io", takes_variable=True),
+    FormatInfo("parquet", "Parquet", _FORMATS + "parquet", (".parquet",), (".parquet",), extra="io"),
+    FormatInfo(
+        "rosbag1", "ROS 1 bag", _FORMATS + "rosbag", (".bag",), (".bag",), "io", takes_columns=False, takes_topic=True
+    ),
+    FormatInfo("rosbag2", "ROS 2 bag", _FORMATS + "rosbag", (".db3",), (), "io", takes_columns=False, takes_topic=True),
+    FormatInfo("mcap", "MCAP", _FORMATS + "mcap", (".mcap",), (".mcap",), "io", takes_columns=False, takes_topic=True),
+)
+#: Suffixes under which a recording is written.
+WRITTEN_SUFFIXES = tuple(suffix for info in FORMATS for suffix in info.written)
 
 
 @dataclass(frozen=True)

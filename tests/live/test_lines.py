@@ -18,7 +18,7 @@ from gyronorth.live.lines import MOST_KEYS, LineReader, Rows
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
 from gyronorth.readers import ReadOptions
-from gyronorth.readers.delimited import stated_facts
+from gyronorth.readers.formats.csv import stated_facts
 from gyronorth.readers.text import LONGEST_LINE
 
 ROWS = timed_rows(seconds(0, 2))

@@ -20,10 +20,10 @@ from still import HEADING
 import gyronorth as gn
 from gyronorth.errors import InputError
 from gyronorth.live import session as session_module
+from gyronorth.live.events import Connected, Lost
 from gyronorth.live.lines import LineReader
 from gyronorth.live.recorder import Recorder, check_place
 from gyronorth.live.session import Session, Settings
-from gyronorth.live.sources import Connected, Lost
 from gyronorth.live.status import Status
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.wording import lights

@@ -18,9 +18,10 @@ from pynmeagps import NMEAReader
 from gyronorth.errors import InputError
 from gyronorth.live import nmea_out
 from gyronorth.live import sources as sources_module
+from gyronorth.live.events import Bytes, ByteSource, Connected, Ended, Lost, SourceEvent
 from gyronorth.live.nmea_out import NmeaOut, Target, parse_target
 from gyronorth.live.replay import Replay
-from gyronorth.live.sources import Connected, Data, Ended, Lost, Source, SourceEvent, open_source
+from gyronorth.live.sources import open_source
 from gyronorth.live.status import Status
 from gyronorth.readers import ReadOptions
 
@@ -28,7 +29,7 @@ ROWS = timed_rows(seconds(0, 40))
 
 
 @contextmanager
-def running(source: Source) -> Iterator[list[SourceEvent]]:
+def running(source: ByteSource) -> Iterator[list[SourceEvent]]:
     """The events of a source that runs in a thread."""
     events: list[SourceEvent] = []
     stop = Event()
@@ -46,13 +47,13 @@ def until(condition: Callable[[], object]) -> None:
 
 
 def received(events: list[SourceEvent]) -> bytes:
-    return b"".join(event.bytes for event in events if isinstance(event, Data))
+    return b"".join(event.bytes for event in events if isinstance(event, Bytes))
 
 
 def kinds(events: list[SourceEvent]) -> list[type]:
     """The kinds of events, data that follow each other as one."""
     found = [type(event) for event in events]
-    return [kind for kind, before in zip(found, [None, *found[:-1]], strict=True) if not kind is before is Data]
+    return [kind for kind, before in zip(found, [None, *found[:-1]], strict=True) if not kind is before is Bytes]
 
 
 def test_tcp_comes_back_when_the_server_does():
@@ -66,7 +67,7 @@ def test_tcp_comes_back_when_the_server_does():
         until(lambda: received(events) == b"0,1,2,3\n1,1,2,3\n2,1,2,3\n" and isinstance(events[-1], Lost))
         server.close()
         until(lambda: "refused" in getattr(events[-1], "why", ""))
-    assert kinds(events[:9]) == [Connected, Data, Lost] * 3
+    assert kinds(events[:9]) == [Connected, Bytes, Lost] * 3
 
 
 def test_tcp_waits_for_a_server_that_is_not_there_yet():
@@ -176,7 +177,7 @@ def test_a_file_is_replayed_to_the_last_line_at_its_speed(tmp_path):
     Replay(path, ReadOptions(), speed=100).run(events.append, stop)
     assert time.monotonic() - begun > 0.3  # 40 s, 100 times as fast, but for the first step and the last
     assert received(events).decode() == HEAD + "".join(ROWS)
-    assert kinds(events) == [Connected, Data, Ended]
+    assert kinds(events) == [Connected, Bytes, Ended]
     assert len(events) > 5
 
 

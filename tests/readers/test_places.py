@@ -15,7 +15,9 @@ from still import HEADING, LATITUDE, SI, csv_file, csv_rows, rows_of, still
 
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
-from gyronorth.readers import describe, hdf5, outgoing, parquet, places, read, ros, text, write
+from gyronorth.readers import describe, outgoing, read, ros, text, write
+from gyronorth.readers import probe as places
+from gyronorth.readers.formats import hdf5, parquet
 from gyronorth.recording import Gap, Recording
 from gyronorth.report.recordings import print_description
 

@@ -315,7 +315,7 @@ PARTS = {"first": slice(0, 250), "second": slice(250, 400)}
 
 
 def test_messages_of_a_large_database_alone_are_drawn_not_counted(tmp_path, monkeypatch):
-    monkeypatch.setattr("gyronorth.readers.rosbag.MOST_COUNTED", 500)
+    monkeypatch.setattr("gyronorth.readers.formats.rosbag.MOST_COUNTED", 500)
     path = next(bag2(tmp_path, imu=CDR, spare=CDR[:200]).glob("*.db3"))
     with pytest.raises(InputError, match=r"has 2 topics") as caught:
         read(path)

@@ -86,7 +86,7 @@ def test_a_failing_write_leaves_the_old_file_and_no_other(tmp_path):
 
 
 def test_places_and_suffixes_that_cannot_be_written(tmp_path):
-    with pytest.raises(InputError, match=r"rec.mat: a recording is written as .csv, .npz, .h5, .* or .bag"):
+    with pytest.raises(InputError, match=r"rec.mat: a recording is written as .csv, .npz, .h5, .* or .mcap"):
         write(awkward(), tmp_path / "rec.mat")
     with pytest.raises(InputError, match="cannot be written: No such file or directory"):
         write(awkward(), tmp_path / "none" / "rec.csv")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gyronorth.catalogue import HELD_OUT, KINDS, SLOW
+from gyronorth.catalogue import HELD_OUT, KINDS, SLOW, WRITTEN_SUFFIXES
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
 
 #: What `readers.write` writes (a test compares; it is not imported for --help).
-RECORDING_SUFFIXES = (".csv", ".npz", ".h5", ".hdf5", ".parquet", ".mcap", ".bag")
+RECORDING_SUFFIXES = WRITTEN_SUFFIXES
 OutputRecording = Annotated[
     Path,
     typer.Option("-o", "--output", metavar="FILE", help=f"Recording to write: {', '.join(RECORDING_SUFFIXES)}."),

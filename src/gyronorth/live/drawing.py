@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE
-from gyronorth.live.estimation import Found
+from gyronorth.live.estimation import LiveEstimate
 from gyronorth.live.status import Status
 from gyronorth.report.dial import on_circle, sector_path
 from gyronorth.report.wording import heading_text, interval_text
@@ -67,7 +67,7 @@ _NEEDLE = '<path d="M0 -80 L7 -60 L2 -62 L2 30 L-2 30 L-2 -62 L-7 -60 Z"/>'
 _TRUTH = ((0, 0), (-3.5, 10), (3.5, 10))
 
 
-def heading_chart(found: Found | None) -> str:
+def heading_chart(found: LiveEstimate | None) -> str:
     """Heading against time with its 95 % band."""
     if found is None or not np.isfinite(found.trace[:, 1]).any():
         return _empty("Heading against time: no heading yet")
@@ -99,7 +99,7 @@ def heading_chart(found: Found | None) -> str:
     return _chart(label, time[-1], [(float(y(np.array(value))), text) for value, text in marks], parts)
 
 
-def rate_chart(found: Found | None) -> str:
+def rate_chart(found: LiveEstimate | None) -> str:
     """Norm of the mean rate against time, beside Earth rate."""
     if found is None or len(found.rate_norm[0]) == 0:
         return _empty("Rate against time: no samples yet")

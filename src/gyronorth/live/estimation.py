@@ -25,7 +25,7 @@ MOST_WAITING = 60_000
 
 
 @dataclass(frozen=True)
-class Found:
+class LiveEstimate:
     """The latest estimate and how it came about, arrays of bounded length."""
 
     estimate: HeadingEstimate
@@ -36,7 +36,7 @@ class Found:
 class Estimation:
     """Samples in, estimates out, about once a second."""
 
-    def __init__(self, done: Callable[[Found | None, str | None], None]) -> None:
+    def __init__(self, done: Callable[[LiveEstimate | None, str | None], None]) -> None:
         """`done` gets each new estimate, or the message of why there can be none."""
         self._done = done
         self._condition = Condition()
@@ -118,7 +118,7 @@ class Estimation:
         found, failure = None, None
         try:
             estimate = heading.estimate()
-            found = Found(estimate, np.array(heading.trace, dtype=float).reshape(-1, 4), heading.rate_norm())
+            found = LiveEstimate(estimate, np.array(heading.trace, dtype=float).reshape(-1, 4), heading.rate_norm())
         except InputError as error:
             failure = str(error)
         with self._condition:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.delimited import COMMENT
+from gyronorth.readers.formats.csv import COMMENT
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
 from gyronorth.readers.text import LONGEST_LINE, Layout, parse_block

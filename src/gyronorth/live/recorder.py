@@ -19,8 +19,8 @@ import numpy as np
 from gyronorth.errors import InputError
 from gyronorth.live.lines import Rows
 from gyronorth.live.stretch import Stretch
-from gyronorth.readers.delimited import LIVE_FORMAT, MARK
 from gyronorth.readers.facts import SIGNATURE
+from gyronorth.readers.formats.csv import LIVE_FORMAT, MARK
 
 #: Lines reach the disk itself at least so often, s.
 SYNC_INTERVAL = 0.5

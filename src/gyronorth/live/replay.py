@@ -7,9 +7,9 @@ from pathlib import Path
 from threading import Event
 
 from gyronorth.errors import InputError
+from gyronorth.live.events import CHUNK, Bytes, Connected, Emit, Ended
 from gyronorth.live.lines import Form, LineReader
-from gyronorth.live.sources import CHUNK, Connected, Data, Emit, Ended
-from gyronorth.readers.delimited import stated_facts
+from gyronorth.readers.formats.csv import stated_facts
 from gyronorth.readers.options import ReadOptions
 
 #: Lines are handed over so often, s.
@@ -67,7 +67,7 @@ class Replay:
                 lines = file.readlines(size)  # whole lines
                 if not lines:
                     break
-                emit(Data(b"".join(lines)))
+                emit(Bytes(b"".join(lines)))
                 now = self._time(lines)
                 if now is None:
                     step = len(lines) / self._rate_hz if self._rate_hz else 0.0

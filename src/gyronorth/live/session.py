@@ -12,14 +12,14 @@ from gyronorth.arrays import Array
 from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
-from gyronorth.live.estimation import Estimation, Found
+from gyronorth.live.estimation import Estimation, LiveEstimate
+from gyronorth.live.events import Bytes, ByteSource, Connected, Ended, Lost, SourceEvent
 from gyronorth.live.lines import Batch, Form, LineReader, Rows
 from gyronorth.live.recorder import Recorder, utc_now
-from gyronorth.live.sources import Connected, Data, Ended, Lost, Source, SourceEvent
 from gyronorth.live.status import Counters, Mark, Status
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
-from gyronorth.readers.delimited import stated_facts
+from gyronorth.readers.formats.csv import stated_facts
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Facts
 from gyronorth.sensor import Sensor
@@ -61,7 +61,7 @@ class Command:
 class Session:
     """Runs a source in threads; `status` is always the latest picture."""
 
-    def __init__(self, source: Source, settings: Settings) -> None:
+    def __init__(self, source: ByteSource, settings: Settings) -> None:
         self.status = Status("waiting", source.name, saving=settings.save is not None)
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
         self.error: Exception | None = None  # why the session failed
@@ -85,7 +85,7 @@ class Session:
         self._usable = True  # whether samples can be made of the rows of the stretch
         self._proven = False  # whether they could be of any
         self._marks: list[Mark] = []
-        self._found: Found | None = None
+        self._found: LiveEstimate | None = None
         self._failure: str | None = None  # of the estimator
         self._state = "waiting"
         self._trouble = "connecting"
@@ -144,7 +144,7 @@ class Session:
             events.append(self._queue.get(timeout=timeout) if timeout else self._queue.get_nowait())
         except queue.Empty:
             return []
-        while sum(len(event.bytes) for event in events if isinstance(event, Data)) < MOST_BYTES:
+        while sum(len(event.bytes) for event in events if isinstance(event, Bytes)) < MOST_BYTES:
             try:
                 events.append(self._queue.get_nowait())
             except queue.Empty:
@@ -154,7 +154,7 @@ class Session:
     def _take(self, events: list[SourceEvent | Command]) -> None:
         pieces: list[bytes] = []
         for event in [*events, None]:
-            if isinstance(event, Data):
+            if isinstance(event, Bytes):
                 pieces.append(event.bytes)
                 continue
             if pieces:
@@ -379,7 +379,7 @@ class Session:
     def _fail(self, error: Exception) -> None:
         self._state, self.error, self._message = "failed", error, str(error)
 
-    def _estimated(self, found: Found | None, failure: str | None) -> None:
+    def _estimated(self, found: LiveEstimate | None, failure: str | None) -> None:
         if found is not None:
             self._found = found
         self._failure = failure

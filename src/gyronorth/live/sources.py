@@ -11,21 +11,19 @@ import re
 import socket
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
-from typing import Protocol
 
 from gyronorth.errors import InputError
 from gyronorth.live.binding import bound_socket
+from gyronorth.live.events import CHUNK, Bytes, ByteSource, Connected, Emit, Ended, Lost, SourceEvent
+from gyronorth.live.replay import Replay
 from gyronorth.readers.options import ReadOptions
 
 #: Waits between attempts to connect, s: the first, and the longest.
 FIRST_WAIT, LONGEST_WAIT = 0.25, 5.0
 #: A connection on which nothing comes for so long, s, is made anew: the other side may have lost its power.
 SILENCE = 15.0
-#: Bytes taken at a time.
-CHUNK = 1 << 16
 #: Room for datagrams in the kernel, bytes: some seconds of the fastest sensor.
 DATAGRAM_ROOM = 4 << 20
 #: A sender of datagrams that was silent for so long, s, may be followed by another.
@@ -36,46 +34,7 @@ KINDS = "a file, -, tcp:HOST:PORT, udp:[HOST:]PORT or serial:DEVICE[:BAUD]"
 BAUD = 115200
 
 
-@dataclass(frozen=True)
-class Data:
-    """Bytes, in order."""
-
-    bytes: bytes
-
-
-@dataclass(frozen=True)
-class Connected:
-    """The source is there."""
-
-
-@dataclass(frozen=True)
-class Lost:
-    """The source is gone, and why; it is tried again."""
-
-    why: str
-
-
-@dataclass(frozen=True)
-class Ended:
-    """Nothing more will come."""
-
-
-SourceEvent = Data | Connected | Lost | Ended
-Emit = Callable[[SourceEvent], None]
-
-
-class Source(Protocol):
-    """A source of bytes."""
-
-    name: str  # as the user wrote it
-    live: bool  # whether its bytes come as they are measured, so that the clock of the system dates them
-
-    def run(self, emit: Emit, stop: Event) -> None:
-        """Hand over everything that comes, until `stop` is set or nothing more can come."""
-        ...
-
-
-def open_source(text: str, options: ReadOptions, *, speed: float) -> Source:
+def open_source(text: str, options: ReadOptions, *, speed: float) -> ByteSource:
     """The source that a user named.
 
     Parameters
@@ -110,7 +69,6 @@ def open_source(text: str, options: ReadOptions, *, speed: float) -> Source:
         return SerialPort(text, match[1], int(match[2] or BAUD))
     if not Path(text).exists() and re.match(r"[a-z]{2,}:", text):
         raise InputError(f"SOURCE {text!r} is no file and of no known kind; {KINDS} is expected.")
-    from gyronorth.live.replay import Replay
 
     return Replay(Path(text), options, speed=speed)
 
@@ -126,7 +84,7 @@ class StandardInput:
             data = sys.stdin.buffer.raw.read(CHUNK)  # type: ignore[attr-defined]
             if not data:
                 break
-            emit(Data(data))
+            emit(Bytes(data))
         emit(Ended())
 
 
@@ -149,7 +107,7 @@ class TcpClient:
                 data = connection.recv(CHUNK)
                 if not data:
                     raise ConnectionError("closed by the other side")
-                emit(Data(data))
+                emit(Bytes(data))
 
 
 class UdpListener:
@@ -177,7 +135,7 @@ class UdpListener:
                     continue
                 sender = sender or address
                 if address == sender and data:
-                    emit(Data(data if data.endswith(b"\n") else data + b"\n"))
+                    emit(Bytes(data if data.endswith(b"\n") else data + b"\n"))
 
 
 class SerialPort:
@@ -212,7 +170,7 @@ class SerialPort:
                     _, end, data = data.partition(b"\n")
                     begun = bool(end)
                 if data:
-                    emit(Data(data))
+                    emit(Bytes(data))
 
 
 def _again_and_again(session: Callable[[Emit, Event], None], emit: Emit, stop: Event) -> None:
@@ -221,7 +179,7 @@ def _again_and_again(session: Callable[[Emit, Event], None], emit: Emit, stop: E
 
     def passing(event: SourceEvent) -> None:
         nonlocal wait
-        if isinstance(event, Data):
+        if isinstance(event, Bytes):
             wait = FIRST_WAIT
         emit(event)
 

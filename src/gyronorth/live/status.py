@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
-from gyronorth.live.estimation import Found
+from gyronorth.live.estimation import LiveEstimate
 
 #: waiting: no row has come yet. ended: the source has nothing more.
 State = Literal["waiting", "running", "stopped", "ended", "failed"]
@@ -53,7 +53,7 @@ class Status:
     seconds: float = 0.0  # of the present stretch
     counters: Counters = Counters()
     last_garbage: str = ""
-    found: Found | None = None
+    found: LiveEstimate | None = None
     findings: tuple[Finding, ...] = ()  # reasons beside those of the estimate
     marks: tuple[Mark, ...] = ()
     message: str = ""  # what last happened, for people

@@ -15,9 +15,9 @@ from gyronorth.findings import Finding
 from gyronorth.live.lines import Form, Rows
 from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import resolve
+from gyronorth.readers.grid import LARGEST_FORCE, LARGEST_RATE, MOST_MISSING, GridBuilder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_units
-from gyronorth.readers.regularise import LARGEST_FORCE, LARGEST_RATE, MOST_MISSING, Regulariser
 from gyronorth.readers.source import Bad, Block, Clock, Facts, Source
 
 #: Time stamps are looked at for so long, s, before the first sample: with a declared rate, and to measure it.
@@ -55,7 +55,7 @@ class Stretch:
         self.gaps = 0
         self.strays = 0  # rows left out before they came here: their time repeats or runs backwards
         self.objection: Finding | None = None  # what the checks of units and axes say
-        self._regulariser = Regulariser(self._source, self.declared, options)
+        self._regulariser = GridBuilder(self._source, self.declared, options)
         self._rows = 0
         self._looking: list[Array] | None = [] if form.time else None
         self._checked: list[Array] | None = []

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gyronorth.live.lines import Rows
-from gyronorth.readers.regularise import LONGEST_GAP
+from gyronorth.readers.grid import LONGEST_GAP
 
 #: Rows from which the usual step is taken where no rate is declared.
 FEWEST = 5

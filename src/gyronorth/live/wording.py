@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.catalogue import FINDINGS
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.live.drawing import compass, quadrants
 from gyronorth.live.status import Status
@@ -13,22 +14,8 @@ from gyronorth.report.wording import duration_text, heading_text, interval_text,
 
 #: What a light shows: class -> sign. The signs differ in shape, not in colour alone.
 SIGNS = {"ok": "✓", "care": "▲", "bad": "✕", "off": "○"}
-#: Codes of reasons in the words of the verdict.
-SHORT = {
-    "too_short": "too short",
-    "too_noisy": "too noisy",
-    "motion": "the unit moved",
-    "rate_norm": "the rate is not Earth rate",
-    "implied_latitude": "the rate does not fit the latitude",
-    "near_pole": "too near to the pole",
-    "saturated": "the sensor is at its limit",
-    "bundle_mismatch": "the network does not fit",
-    "stalled": "no data",
-    "gaps": "too many samples missing",
-    "axes_suspect": "axes to be declared",
-    "units_suspect": "units to be checked",
-    "not_computed": "not computed",
-}
+#: Codes of findings in the words of the verdict.
+SHORT = {row.code: row.short for row in FINDINGS}
 #: A turned unit that has stood for less than this, s, is still turning or settling.
 SETTLING = 2.0
 

@@ -8,10 +8,10 @@ is guessed. `read` gives a whole recording, `read_chunks` a stream of bounded me
 from __future__ import annotations
 
 from gyronorth.readers.describing import Description, describe
+from gyronorth.readers.formats.rosbag import is_bag_folder
 from gyronorth.readers.options import ReadOptions, parse_columns
 from gyronorth.readers.reading import RecordingInfo, read, read_chunks
 from gyronorth.readers.registry import FORMATS, recordings_in
-from gyronorth.readers.rosbag import is_bag_folder
 from gyronorth.readers.writing import write, write_chunks
 
 __all__ = [

@@ -12,7 +12,7 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.places import Look, look
+from gyronorth.readers.probe import Look, look
 from gyronorth.readers.reading import CHUNK_SAMPLES, Progress, RecordingInfo, read_chunks
 from gyronorth.recording import Gap, Note
 

@@ -28,7 +28,7 @@ def library(module: str, file: str, format: str) -> Any:
 
 
 @contextmanager
-def damage_told(name: str, what: str, cure: str = "") -> Iterator[None]:
+def errors_translated(name: str, what: str, cure: str = "") -> Iterator[None]:
     """Turn whatever a library raises on a damaged file, almost any exception, into one message."""
     try:
         yield

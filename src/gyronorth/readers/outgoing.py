@@ -29,7 +29,7 @@ class Rows:
         return np.arange(self.first, self.first + len(self.gyro_b))
 
 
-class Outgoing:
+class RecordingStream:
     """Passes the chunks of one recording on and keeps count of samples, gaps and dropped rows."""
 
     def __init__(self, chunks: Iterable[Recording]) -> None:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import Declared, resolve
+from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_units
 from gyronorth.readers.registry import open_source
-from gyronorth.readers.regularise import JITTER, Regulariser
 from gyronorth.readers.source import Source
 from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
@@ -134,7 +134,7 @@ class Reading:
         self.progress = progress
         self.source: Source = open_source(path, options)
         self.declared: Declared = resolve(self.source, options)
-        self.regulariser = Regulariser(self.source, self.declared, options)
+        self.regulariser = GridBuilder(self.source, self.declared, options)
         self.length_notes: tuple[Note, ...] = ()
 
     @property

@@ -2,53 +2,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 
+from gyronorth import catalogue
+from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError
-from gyronorth.readers.delimited import open_csv
-from gyronorth.readers.hdf5 import SIGNATURE as HDF5_SIGNATURE
-from gyronorth.readers.hdf5 import open_hdf5
-from gyronorth.readers.mat import open_mat
-from gyronorth.readers.mcap import open_mcap
-from gyronorth.readers.mt_manager import open_mt_manager
-from gyronorth.readers.npz import open_npz
+from gyronorth.readers.format import Format
+from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.parquet import open_parquet
-from gyronorth.readers.psins import open_psins
-from gyronorth.readers.rosbag import METADATA, is_bag_folder, open_rosbag1, open_rosbag2
+from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import Source
 
-#: Every format by name: what opens it.
-FORMATS: dict[str, Callable[[Path, ReadOptions], Source]] = {
-    "csv": open_csv,
-    "psins": open_psins,
-    "mt-manager": open_mt_manager,
-    "mat": open_mat,
-    "npz": open_npz,
-    "hdf5": open_hdf5,
-    "parquet": open_parquet,
-    "rosbag1": open_rosbag1,
-    "rosbag2": open_rosbag2,
-    "mcap": open_mcap,
-}
-#: Suffixes that say the format; .txt and others are looked into.
-SUFFIXES = {
-    ".csv": "csv",
-    ".imu": "psins",
-    ".mat": "mat",
-    ".npz": "npz",
-    ".h5": "hdf5",
-    ".hdf5": "hdf5",
-    ".parquet": "parquet",
-    ".bag": "rosbag1",
-    ".db3": "rosbag2",
-    ".mcap": "mcap",
-}
+#: Entry points of installed packages that name a format of their own.
+ENTRY_POINTS = "gyronorth.formats"
+
+
+class _Formats(Mapping[str, Format]):
+    """Every known format, imported when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._rows = {info.name: info for info in catalogue.FORMATS}
+        self._loaded: dict[str, Format] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getitem__(self, name: str) -> Format:
+        if name not in self._rows:
+            for entry in entry_points(group=ENTRY_POINTS, name=name):
+                self.add(entry.load())
+        if name not in self._loaded:
+            module = import_module(self._rows[name].module)
+            self._loaded[name] = module.FORMATS[name] if hasattr(module, "FORMATS") else module.FORMAT
+        return self._loaded[name]
+
+    @property
+    def suffixes(self) -> dict[str, str]:
+        """Suffix -> name of the format that it says; .txt and others are looked into."""
+        return {suffix: info.name for info in self._rows.values() for suffix in info.suffixes}
+
+    @property
+    def written(self) -> dict[str, str]:
+        """Suffix -> name of the format in which a recording is written under it."""
+        return {suffix: info.name for info in self._rows.values() for suffix in info.written}
+
+    def info(self, name: str) -> FormatInfo:
+        """The row of a format, without importing it."""
+        return self._rows[name]
+
+    def add(self, added: Format) -> None:
+        """Register a format; see `register`."""
+        self._rows[added.info.name] = added.info
+        self._loaded[added.info.name] = added
+
+
+#: Every format by name.
+FORMATS = _Formats()
+
+
+def register(added: Format) -> None:
+    """Add a format from outside the package, or replace one.
+
+    Parameters
+    ----------
+    added : Format
+        Its row, and what recognises, opens and writes it. An installed package can name it as an entry point of the
+        group `ENTRY_POINTS` instead; it is then found by `format` alone.
+    """
+    FORMATS.add(added)
+
+
+def writer_of(suffix: str) -> Callable[[RecordingStream, Path], None] | None:
+    """What writes a recording under a suffix; None where nothing does."""
+    name = FORMATS.written.get(suffix)
+    return None if name is None else FORMATS[name].write
+
+
 #: How packed files begin, and what unpacks them.
 PACKED = {b"\x1f\x8b": "gunzip", b"\x28\xb5\x2f\xfd": "zstd -d", b"\xfd7zXZ\x00": "unxz", b"BZh": "bunzip2"}
-#: What a declaration of one of these is good for.
-_VARIABLES, _TOPICS = ("mat", "hdf5"), ("rosbag1", "rosbag2", "mcap")
 
 
 def open_source(path: str | Path, options: ReadOptions) -> Source:
@@ -67,18 +104,23 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
             raise InputError(f"{path.name} is empty.")
         if path.is_file():
             _check_unpacked(path)
-        name = "rosbag2" if path.is_dir() else options.format or SUFFIXES.get(path.suffix.lower()) or _sniffed(path)
+        name = (
+            "rosbag2"
+            if path.is_dir()
+            else options.format or FORMATS.suffixes.get(path.suffix.lower()) or recognised(path)
+        )
         if name not in FORMATS:
             raise InputError(f"format is {name!r}; one of {', '.join(FORMATS)} is expected.")
-        if options.variable is not None and name not in _VARIABLES:
+        info = FORMATS.info(name)
+        if options.variable is not None and not info.takes_variable:
             raise InputError(
                 f"variable {options.variable!r} is declared, but {path.name} is neither a .mat nor an HDF5 file."
             )
-        if options.topic is not None and name not in _TOPICS:
+        if options.topic is not None and not info.takes_topic:
             raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
-        if options.columns and name in _TOPICS:
+        if options.columns and not info.takes_columns:
             raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
-        return FORMATS[name](path, options)
+        return FORMATS[name].open(path, options)
     except FileNotFoundError:
         raise InputError(f"There is no file {path}.") from None
     except (OSError, ValueError) as error:
@@ -118,14 +160,15 @@ def recordings_in(folder: str | Path) -> list[Path]:
             found.append(path)
         if not path.is_file():
             continue
-        known = path.suffix.lower() in SUFFIXES
+        known = path.suffix.lower() in FORMATS.suffixes
         if known or (path.suffix.lower() == ".txt" and _head(path).startswith(b"//")):
             found.append(path)
     if not found:
         state = "holds no recordings" if any(folder.iterdir()) else "is empty and holds no recordings"
         raise InputError(
-            f"{folder} {state}: files in {', '.join(SUFFIXES)}, MT Manager .txt or bags of ROS 2 are expected in it or "
-            "in the folders below it (hidden ones do not count). Check the path, or `gyronorth convert` yours first."
+            f"{folder} {state}: files in {', '.join(FORMATS.suffixes)}, MT Manager .txt or bags of ROS 2 are expected "
+            "in it or in the folders below it (hidden ones do not count). Check the path, or `gyronorth convert` yours "
+            "first."
         )
     return sorted(found, key=_natural)
 
@@ -137,26 +180,12 @@ def _natural(path: Path) -> tuple[object, ...]:
     return tuple((int(part), part) if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", str(path)) if part)
 
 
-def _sniffed(path: Path) -> str:
+def recognised(path: Path) -> str:
     """The format that the content of a file shows; CSV if it shows none."""
     head = _head(path)
-    if head.startswith(b"PK\x03\x04"):
-        return "npz"
-    if head.startswith(b"MATLAB "):
-        return "mat"
-    if head.startswith(HDF5_SIGNATURE):
-        return "hdf5"
-    if head.startswith(b"PAR1"):
-        return "parquet"
-    if head.startswith(b"#ROSBAG "):
-        return "rosbag1"
-    if head.startswith(b"\x89MCAP"):
-        return "mcap"
-    if b"PSINS" in head:
-        return "psins"
-    if head.startswith(b"//") or b"PacketCounter\t" in head:
-        return "mt-manager"
-    return "csv"
+    # Files with a signature of their own come first: a text may hold any word.
+    signed = (name for name in FORMATS if name not in ("csv", "psins", "mt-manager"))
+    return next((name for name in (*signed, "psins", "mt-manager") if FORMATS[name].recognises(head)), "csv")
 
 
 def _head(path: Path) -> bytes:

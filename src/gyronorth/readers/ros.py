@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import write_facts
 from gyronorth.readers.imu_message import ImuBlock, decode, encode
-from gyronorth.readers.outgoing import Outgoing
+from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block, Clock, Facts, Parts, Source
 from gyronorth.recording import Note, ns_from_utc, utc_from_ns
 
@@ -118,13 +118,13 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
     )
 
 
-def first_stamp(outgoing: Outgoing) -> int:
+def first_stamp(outgoing: RecordingStream) -> int:
     """Stamp of the first message, ns: the date where one is known and fits, else 0."""
     start = 0 if outgoing.start_time_utc is None else ns_from_utc(outgoing.start_time_utc)
     return start if 0 <= start < LATEST_START * 1_000_000_000 else 0
 
 
-def ros_messages(outgoing: Outgoing, start: int, *, cdr: bool) -> Iterator[tuple[list[int], list[memoryview]]]:
+def ros_messages(outgoing: RecordingStream, start: int, *, cdr: bool) -> Iterator[tuple[list[int], list[memoryview]]]:
     """Stamps, ns, and serialised messages in forward-left-up axes, block by block."""
     flu = np.array([1.0, -1.0, -1.0])
     for rows in outgoing.rows():
@@ -134,7 +134,7 @@ def ros_messages(outgoing: Outgoing, start: int, *, cdr: bool) -> Iterator[tuple
         yield stamp.tolist(), encode(stamp, rows.gyro_b * flu, force, first=rows.first, cdr=cdr)
 
 
-def ros_texts(outgoing: Outgoing) -> dict[str, str]:
+def ros_texts(outgoing: RecordingStream) -> dict[str, str]:
     """The facts by key, as they hold for messages in forward-left-up axes."""
     return write_facts(replace(outgoing.facts, axes="flu"))
 

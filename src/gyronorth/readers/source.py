@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,3 +98,16 @@ class Source:
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
     parts: Parts | None = None  # None: it can only be read as a whole
+
+
+def rows_block(values: NDArray[np.float64], before: int, *, share: float = 0.0) -> Block:
+    """Good rows (m, k) behind the first `before` ones of a file, counted from 1."""
+    return Block(values, np.arange(before + 1, before + 1 + len(values)), Bad.none(), share)
+
+
+def blocks_of(parts: Iterable[NDArray[np.float64]], count: int) -> Iterator[Block]:
+    """Consecutive good rows of a file of about `count` rows as blocks, each with the share that has been read."""
+    row = 0
+    for values in parts:
+        yield rows_block(values, row, share=min(1.0, (row + len(values)) / max(count, 1)))
+        row += len(values)

@@ -12,13 +12,19 @@ from __future__ import annotations
 import csv
 import math
 import re
+import shutil
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryFile
+
+import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import SIGNATURE, is_number, read_facts
+from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
+from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
 
@@ -133,3 +139,21 @@ def _trailing(titles: list[str], first_row: str, numeric: bool) -> tuple[bool, l
     if numeric:
         return ends_in_comma, titles[:-1] if ends_in_comma else titles
     return ends_in_comma and first_row.count(",") == len(titles), titles
+
+
+def write_csv(outgoing: RecordingStream, path: Path) -> None:
+    """Comment lines come first and are known last: the rows wait in a file of their own."""
+    with TemporaryFile(dir=path.parent) as body, path.open("wb") as file:
+        for rows in outgoing.rows():
+            parts = [rows.gyro_b] + ([rows.accel_b] if rows.accel_b is not None else [])
+            time = rows.numbers() / outgoing.rate_hz
+            # repr is the shortest text that reads back to the same double.
+            columns = [map(repr, column.tolist()) for column in (time, *np.hstack(parts).T)]
+            body.write("".join(",".join(row) + "\n" for row in zip(*columns, strict=True)).encode())
+        file.writelines(f"# {key}: {text}\n".encode() for key, text in outgoing.texts().items())
+        file.write((",".join((TIME, *RATES, *(FORCES if outgoing.has_accel else ()))) + "\n").encode())
+        body.seek(0)
+        shutil.copyfileobj(body, file, 1 << 20)
+
+
+FORMAT = Format(format_info("csv"), open_csv, write=write_csv)

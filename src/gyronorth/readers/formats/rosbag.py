@@ -18,10 +18,11 @@ import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import read_facts
+from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
-from gyronorth.readers.library import damage_told, library
+from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.outgoing import Outgoing
+from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
 from gyronorth.readers.source import Facts, Source
 
@@ -64,7 +65,7 @@ def is_bag_folder(path: Path) -> bool:
     return (path / METADATA).is_file()
 
 
-def write_rosbag1(outgoing: Outgoing, path: Path) -> None:
+def write_rosbag1(outgoing: RecordingStream, path: Path) -> None:
     """Write a recording as a bag of ROS 1: one topic of sensor_msgs/Imu, axes forward-left-up, and the facts."""
     writing, typesys = library("rosbags.rosbag1", path.name, "ROS 1"), library("rosbags.typesys", path.name, "ROS 1")
     store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
@@ -176,7 +177,7 @@ class _Unopened:
 def _opened(path: Path, format: str, *, counted: bool = True) -> Iterator[Any]:
     """A reader of the bag, its errors told; not `counted`: databases of ROS 2 stay unopened."""
     library_of_format = library(f"rosbags.{format}", path.name, "a bag of ROS")
-    with damage_told(path.name, "bag of ROS", _CURES[format]):
+    with errors_translated(path.name, "bag of ROS", _CURES[format]):
         reader = library_of_format.Reader(path)
         if format == "rosbag1":
             # It would read the time of every message at once; `_chunk_by_chunk` reads them when they are needed.
@@ -214,7 +215,7 @@ def _from_databases(
 @contextmanager
 def _connected(name: str, databases: list[Path]) -> Iterator[list[sqlite3.Connection]]:
     """Databases of a bag, their errors told."""
-    with damage_told(name, "bag of ROS", _CURES["rosbag2"]), ExitStack() as stack:
+    with errors_translated(name, "bag of ROS", _CURES["rosbag2"]), ExitStack() as stack:
         opened = []
         for path in databases:
             uri = f"{path.resolve().as_uri()}?immutable=1"
@@ -269,3 +270,14 @@ def _overlapping(chunks: list[Any]) -> Iterator[list[Any]]:
         end = max(end, chunk.end_time)
     if together:
         yield together
+
+
+FORMATS = {
+    "rosbag1": Format(
+        format_info("rosbag1"),
+        open_rosbag1,
+        recognises=lambda head: head.startswith(b"#ROSBAG "),
+        write=write_rosbag1,
+    ),
+    "rosbag2": Format(format_info("rosbag2"), open_rosbag2),
+}

@@ -14,10 +14,11 @@ from typing import Any
 
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import SIGNATURE, read_facts
+from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
-from gyronorth.readers.library import damage_told, library
+from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.outgoing import Outgoing
+from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
 from gyronorth.readers.source import Source
 
@@ -51,7 +52,7 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
     return imu_source(path.name, "mcap", found, facts=facts)
 
 
-def write_mcap(outgoing: Outgoing, path: Path) -> None:
+def write_mcap(outgoing: RecordingStream, path: Path) -> None:
     """Write a recording as an MCAP file of ROS 2: one topic of sensor_msgs/msg/Imu, axes forward-left-up."""
     writer_of, typesys = library("mcap.writer", path.name, "MCAP"), library("rosbags.typesys", path.name, "MCAP")
     definition, _ = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE).generate_msgdef(IMU_TYPES[1], ros_version=2)
@@ -85,7 +86,7 @@ def _opened(path: Path, *, seeking: bool = True) -> Iterator[Any]:
     """A reader of the file, its errors told; one that does not seek reads the messages in the file's order."""
     reading = library("mcap.reader", path.name, "MCAP")
     kind = reading.SeekingReader if seeking else reading.NonSeekingReader
-    with damage_told(path.name, "MCAP file", _CURE), path.open("rb") as file:
+    with errors_translated(path.name, "MCAP file", _CURE), path.open("rb") as file:
         yield kind(file, validate_crcs=True, record_size_limit=path.stat().st_size)
 
 
@@ -149,3 +150,6 @@ def _messages(
         found = reader.iter_messages(topic, log_time_order=indexed, starting_at=start, ending_before=stop)
         for _, _, message in found:
             yield message.log_time, message.data
+
+
+FORMAT = Format(format_info("mcap"), open_mcap, recognises=lambda head: head.startswith(b"\x89MCAP"), write=write_mcap)

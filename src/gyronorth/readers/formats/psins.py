@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from gyronorth.errors import InputError
+from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FORCES, RATES, Block, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
@@ -95,3 +96,6 @@ def _header_line(head: TextHead, meaning: str) -> list[float]:
             f"Row {head.row} of {head.name} is {line[:60]!r}; a header line of six numbers is expected: {meaning}."
         )
     raise InputError(f"{head.name} ends within its header; a line of six numbers is expected: {meaning}.")
+
+
+FORMAT = Format(format_info("psins"), open_psins, recognises=lambda head: b"PSINS" in head)

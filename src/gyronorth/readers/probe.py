@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.grid import GridBuilder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.reading import Reading, RecordingInfo, options_of
-from gyronorth.readers.regularise import Regulariser
 from gyronorth.readers.source import TIME, Block, Source
 from gyronorth.recording import Gap, Note
 
@@ -65,7 +65,7 @@ def look(path: str | Path, options: ReadOptions | None = None, **declared: Any) 
     for block in blocks:
         if gyro:  # the first block settles the rate, against which the others are checked
             settled = replace(reading.declared, rate_hz=reading.rate_hz)
-            reading.regulariser = Regulariser(source, settled, reading.options)
+            reading.regulariser = GridBuilder(source, settled, reading.options)
         samples = reading.regulariser.push(block)
         reading.regulariser.raise_bad()
         if reading.regulariser.rows_dropped:  # to be counted

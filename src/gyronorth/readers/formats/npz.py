@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.outgoing import Outgoing
-from gyronorth.readers.source import FORCES, RATES, Bad, Block, Facts, Source
+from gyronorth.readers.outgoing import RecordingStream
+from gyronorth.readers.source import FORCES, RATES, Block, Facts, Source, blocks_of
 from gyronorth.recording import Gap
 
 SCHEMA = "gyronorth.recording/1"
@@ -78,7 +79,7 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
     )
 
 
-def write_npz(outgoing: Outgoing, path: Path) -> None:
+def write_npz(outgoing: RecordingStream, path: Path) -> None:
     """Write a recording as .npz; an array says its length first, so the samples wait in files of their own."""
     names = ("gyro_b", "accel_b") if outgoing.has_accel else ("gyro_b",)
     with ExitStack() as stack:
@@ -164,7 +165,9 @@ def _gaps(arrays: dict[str, NDArray[Any]], path: Path) -> tuple[Gap, ...]:
 
 
 def _blocks(gyro: NDArray[np.float64], accel: NDArray[np.float64] | None) -> Iterator[Block]:
-    for start in range(0, len(gyro), _BLOCK_ROWS):
-        part = slice(start, start + _BLOCK_ROWS)
-        values = gyro[part] if accel is None else np.hstack([gyro[part], accel[part]])
-        yield Block(values, np.arange(start + 1, start + 1 + len(values)), Bad.none())
+    parts = (slice(start, start + _BLOCK_ROWS) for start in range(0, len(gyro), _BLOCK_ROWS))
+    rows = (gyro[part] if accel is None else np.hstack([gyro[part], accel[part]]) for part in parts)
+    return blocks_of(rows, len(gyro))
+
+
+FORMAT = Format(format_info("npz"), open_npz, recognises=lambda head: head.startswith(b"PK\x03\x04"), write=write_npz)

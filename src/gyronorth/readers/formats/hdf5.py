@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import KEYS, read_facts
-from gyronorth.readers.library import damage_told, library
+from gyronorth.readers.format import Format, format_info
+from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
-from gyronorth.readers.outgoing import Outgoing
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Bad, Block, Clock, Parts, Source
+from gyronorth.readers.outgoing import RecordingStream
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Block, Clock, Parts, Source, blocks_of, rows_block
 
 #: Where the signature may stand: at the start, or behind a block of the user's (MATLAB's text).
 SIGNATURE_OFFSETS = (0, 512, 1024, 2048)
@@ -91,7 +92,7 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     )
 
 
-def write_hdf5(outgoing: Outgoing, path: Path) -> None:
+def write_hdf5(outgoing: RecordingStream, path: Path) -> None:
     """Write a recording as an HDF5 file."""
     h5py = library("h5py", path.name, "HDF5")
     shapes = {TIME: (), _GYRO: (3,)} | ({_ACCEL: (3,)} if outgoing.has_accel else {})
@@ -114,7 +115,7 @@ def write_hdf5(outgoing: Outgoing, path: Path) -> None:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     h5py = library("h5py", path.name, "HDF5")
-    with damage_told(path.name, "HDF5 file"), h5py.File(path, "r") as file:
+    with errors_translated(path.name, "HDF5 file"), h5py.File(path, "r") as file:
         yield file
 
 
@@ -208,23 +209,19 @@ def _picked(read: NDArray[Any], column: _Column) -> NDArray[np.float64]:
 
 
 def _blocks(reading: partial[Iterator[NDArray[np.float64]]], rows: int) -> Iterator[Block]:
-    row = 0
-    for values in reading(0, rows):
-        yield replace(_block(values, row), share=(row + len(values)) / rows)
-        row += len(values)
+    return blocks_of(reading(0, rows), rows)
 
 
 def _part(reading: partial[Iterator[NDArray[np.float64]]], rows: int, share: float) -> Block:
     """A block of rows at a share of the file; 1: the last ones."""
     start = round(share * max(0, rows - BLOCK_ROWS))
-    return _block(next(reading(start, min(rows, start + BLOCK_ROWS))), start)
-
-
-def _block(values: NDArray[np.float64], row: int) -> Block:
-    return Block(values, np.arange(row + 1, row + 1 + len(values)), Bad.none())
+    return rows_block(next(reading(start, min(rows, start + BLOCK_ROWS))), start)
 
 
 def _text(value: Any) -> str:
     """An attribute as text: texts and numbers, alone or in an array of one; whatever else as it is shown."""
     value = np.asarray(value).item() if np.size(value) == 1 else value
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+FORMAT = Format(format_info("hdf5"), open_hdf5, recognises=lambda head: head.startswith(SIGNATURE), write=write_hdf5)

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from gyronorth.errors import InputError
+from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
@@ -75,3 +76,14 @@ def _rate(text: str, head: TextHead) -> float:
     if not 1e-3 <= rate_hz <= 1e6:
         raise InputError(f"Row {head.row} of {head.name}: Update Rate is {text!r}; a rate in Hz is expected.")
     return rate_hz
+
+
+def _recognises(head: bytes) -> bool:
+    return head.startswith(b"//") or b"PacketCounter\t" in head
+
+
+FORMAT = Format(
+    format_info("mt-manager"),
+    open_mt_manager,
+    recognises=lambda head: head.startswith(b"//") or b"PacketCounter\t" in head,
+)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,10 +13,11 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import KEYS, read_facts
-from gyronorth.readers.library import damage_told, library
+from gyronorth.readers.format import Format, format_info
+from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
-from gyronorth.readers.outgoing import Outgoing
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Bad, Block, Clock, Parts, Source
+from gyronorth.readers.outgoing import RecordingStream
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Block, Clock, Parts, Source, blocks_of, rows_block
 
 #: Rows per block that is read, and per row group that is written.
 BLOCK_ROWS, GROUP_ROWS = 1 << 14, 1 << 17
@@ -50,7 +50,7 @@ def open_parquet(path: Path, options: ReadOptions) -> Source:
     )
 
 
-def write_parquet(outgoing: Outgoing, path: Path) -> None:
+def write_parquet(outgoing: RecordingStream, path: Path) -> None:
     """Write a recording as a Parquet file."""
     arrow, parquet = library("pyarrow", path.name, "Parquet"), library("pyarrow.parquet", path.name, "Parquet")
     names = (TIME, *RATES, *(FORCES if outgoing.has_accel else ()))
@@ -94,7 +94,7 @@ def _check_whole(path: Path) -> None:
 def _opened(path: Path) -> Iterator[Any]:
     parquet = library("pyarrow.parquet", path.name, "Parquet")
     with (
-        damage_told(path.name, "Parquet file"),
+        errors_translated(path.name, "Parquet file"),
         parquet.ParquetFile(str(path), page_checksum_verification=True) as file,
     ):
         yield file
@@ -146,10 +146,7 @@ def _numbers(column: Any, unit: float | None, zero: int) -> NDArray[np.float64]:
 
 
 def _blocks(reading: partial[Iterator[NDArray[np.float64]]], rows: int) -> Iterator[Block]:
-    row = 0
-    for values in reading(None):
-        yield replace(_block(values, row), share=min(1.0, (row + len(values)) / max(rows, 1)))
-        row += len(values)
+    return blocks_of(reading(None), rows)
 
 
 def _part(reading: partial[Iterator[NDArray[np.float64]]], starts: NDArray[np.int64], share: float) -> Block:
@@ -158,12 +155,13 @@ def _part(reading: partial[Iterator[NDArray[np.float64]]], starts: NDArray[np.in
     row, last = int(starts[group]), None
     for values in reading([group]):
         if share < 1:
-            return _block(values, row)
+            return rows_block(values, row)
         row, last = row + len(values), values
     if last is None:
         raise InputError("an empty row group")
-    return _block(last, row - len(last))
+    return rows_block(last, row - len(last))
 
 
-def _block(values: NDArray[np.float64], row: int) -> Block:
-    return Block(values, np.arange(row + 1, row + 1 + len(values)), Bad.none())
+FORMAT = Format(
+    format_info("parquet"), open_parquet, recognises=lambda head: head.startswith(b"PAR1"), write=write_parquet
+)

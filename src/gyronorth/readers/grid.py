@@ -29,7 +29,7 @@ JITTER = 0.36
 PATIENCE = 1000
 
 
-class Regulariser:
+class GridBuilder:
     """Takes the blocks of a file one after the other and returns uniform samples.
 
     `rate_hz` is None until the first usable block when it comes from the time column.

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.hdf5 import is_hdf5, open_hdf5
+from gyronorth.readers.format import Format, format_info
+from gyronorth.readers.formats.hdf5 import is_hdf5, open_hdf5
 from gyronorth.readers.mat5 import MatError, Variable, is_level5, matrix, variables
 from gyronorth.readers.options import ReadOptions, choose_columns
-from gyronorth.readers.source import NAMES, TIME, Bad, Block, Clock, Facts, Source
+from gyronorth.readers.source import NAMES, TIME, Block, Clock, Facts, Source, blocks_of
 
 #: Largest file and largest array read, bytes: an 8 h recording at 200 Hz with 16 columns has 0.7e9.
 LARGEST = 1 << 30
@@ -94,6 +95,8 @@ def _size(variable: Variable) -> str:
 
 
 def _blocks(data: NDArray[np.float64], positions: list[int]) -> Iterator[Block]:
-    for start in range(0, len(data), _BLOCK_ROWS):
-        values = data[start : start + _BLOCK_ROWS, positions]
-        yield Block(values, np.arange(start + 1, start + 1 + len(values)), Bad.none())
+    starts = range(0, len(data), _BLOCK_ROWS)
+    return blocks_of((data[start : start + _BLOCK_ROWS, positions] for start in starts), len(data))
+
+
+FORMAT = Format(format_info("mat"), open_mat, recognises=lambda head: head.startswith(b"MATLAB "))

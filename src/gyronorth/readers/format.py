@@ -1,0 +1,30 @@
+"""What a format is: its row of the catalogue, how it is recognised, opened and written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from gyronorth.catalogue import FORMATS, FormatInfo
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.outgoing import RecordingStream
+from gyronorth.readers.source import Source
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format of recordings."""
+
+    info: FormatInfo
+    open: Callable[[Path, ReadOptions], Source]
+    recognises: Callable[[bytes], bool] = lambda head: False  # by the first 4096 bytes of a file
+    write: Callable[[RecordingStream, Path], None] | None = None
+
+
+def format_info(name: str) -> FormatInfo:
+    """The row of a shipped format; KeyError for a name that is none."""
+    for info in FORMATS:
+        if info.name == name:
+            return info
+    raise KeyError(name)
