@@ -20,18 +20,18 @@ demo: .venv/.demo
 	@echo "The report is in out/demo.html"
 
 # The tests start some 200 processes. Each would compile its libraries again where Python may not keep what it compiles.
-test fast long: unexport PYTHONDONTWRITEBYTECODE
+PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2
 
 test: .venv/.all
-	$(BIN)/python -m pytest -n 2
+	$(PYTEST)
 
 # What the two-minute loop of development runs.
 fast: .venv/.all
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(PYTEST) -m "not slow"
 
 # Statistics of many runs, soaks and trainings: before every release, and by whoever touches what they judge.
 long: .venv/.all
-	$(BIN)/python -m pytest -n 2 -m long
+	$(PYTEST) -m long
 
 # Chromium from Debian, for the tests of the live page; without it they are skipped, but fail in CI.
 browser:

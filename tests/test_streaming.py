@@ -151,7 +151,7 @@ def test_known_attitude_stands_in_for_levelling():
     assert_same(ours, heading(recording, sensor=SENSOR, attitude=attitude))
 
 
-@pytest.mark.slow
+@pytest.mark.long  # the same over a minute: above
 @pytest.mark.parametrize("name", ["still", "turned", "sway"])
 def test_half_an_hour_at_600_hz(name):
     recording = scene.__wrapped__(name, duration=1800.0)
@@ -278,7 +278,7 @@ def test_rows_merged_do_not_grow_with_time(monkeypatch):
     assert max(work[1:]) <= 10 * 60 * 600 + MOST_ROWS + WAITING  # at most one doubling in ten minutes
 
 
-@pytest.mark.slow
+@pytest.mark.long  # an hour: above
 def test_a_day(monkeypatch):
     """86,400 s, at 10 Hz to be quick: rows, waiting samples and trace stay within bounds."""
     stream, rows = long_stream(24 * 60, monkeypatch, rate_hz=10.0, every=20, method="mean")

@@ -56,19 +56,30 @@ def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg):
     assert np.mean(~batch.valid) <= 0.01
 
 
-@pytest.mark.parametrize("method", ["mean", "auto", pytest.param("inertial", marks=pytest.mark.slow)])
-def test_sdc500_interval_covers_and_refuses_few(method):
-    truth, gyro, accel = simulated("sdc500", 5000, seed=2)
+@pytest.mark.parametrize(
+    ("method", "count"),
+    [
+        ("mean", 5000),
+        ("auto", 1000),
+        pytest.param("auto", 5000, marks=pytest.mark.long),
+        pytest.param("inertial", 5000, marks=pytest.mark.slow),
+    ],
+)
+def test_sdc500_interval_covers_and_refuses_few(method, count):
+    truth, gyro, accel = simulated("sdc500", count, seed=2)
     batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor="sdc500", method=method)
-    assert 0.93 <= covered(batch, truth) <= 0.97
+    # 95 % of 1000 runs is known to 0.7 %, of 5000 to 0.3 %.
+    assert abs(covered(batch, truth) - 0.95) <= max(0.02, 3.3 * np.sqrt(0.95 * 0.05 / count))
     assert np.mean(~batch.valid) <= 0.01
-    # chi-square over 5000 runs, 99.9 %: within 3.3 %; sigma is conditional on the norm, hence a little more.
-    assert_allclose(rms(angle_error(batch.heading, truth)) / rms(batch.sigma), 1, atol=0.04)
+    # chi-square, 99.9 %: within 3.3 % over 5000 runs; sigma is conditional on the norm, hence a little more.
+    within = 0.04 * np.sqrt(5000 / count)
+    assert_allclose(rms(angle_error(batch.heading, truth)) / rms(batch.sigma), 1, atol=within)
 
 
 @pytest.mark.slow
-def test_auto_costs_nothing_on_quiet_recordings():
-    truth, gyro, accel = simulated("sdc500", 3000, seed=3)
+@pytest.mark.parametrize("runs", [300, pytest.param(3000, marks=pytest.mark.long)])
+def test_auto_costs_nothing_on_quiet_recordings(runs):
+    truth, gyro, accel = simulated("sdc500", runs, seed=3)
     for sensor in ("sdc500", None):
         options = {"rate_hz": RATE_HZ, "latitude": LATITUDE, "sensor": sensor}
         auto, mean = (heading_batch(gyro, accel, method=method, **options) for method in ("auto", "mean"))
@@ -97,23 +108,30 @@ def test_interval_without_a_profile_covers(bias_deg_h):
         assert 0.93 <= covered(batch, truth) <= 0.97
 
 
+def sways():
+    """Each sensor and amplitude over 600 runs; the largest, where the methods differ, over 60 in every `make test`."""
+    for name in ("sdc500", "hg9900"):
+        yield pytest.param(name, 300, 60, id=f"{name}-300-60")
+        for arcsec in (5, 30, 300):
+            yield pytest.param(name, arcsec, 600, id=f"{name}-{arcsec}-600", marks=pytest.mark.long)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("arcsec", [5, 30, 300])
-@pytest.mark.parametrize("name", ["sdc500", "hg9900"])
-def test_sway_is_in_sigma(name, arcsec):
+@pytest.mark.parametrize(("name", "arcsec", "count"), list(sways()))
+def test_sway_is_in_sigma(name, arcsec, count):
     def swaying(times, *, runs, rng):
         frequency = np.exp(rng.uniform(np.log(0.02), np.log(0.5), (runs, 1, 3)))
         phase = rng.uniform(0, 2 * np.pi, (runs, 1, 3))
         return np.radians(arcsec / 3600) * np.sqrt(2) * np.sin(2 * np.pi * frequency * times[:, None] + phase)
 
-    truth, gyro, accel = simulated(name, 600, seed=7, motion=Motion(disturbance=swaying))
+    truth, gyro, accel = simulated(name, count, seed=7, motion=Motion(disturbance=swaying))
     errors = {}
     for method in ("mean", "auto"):
         batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor=name, method=method)
         errors[method] = rms(angle_error(batch.heading, truth))
-        # 600 runs: 95 % is known to 0.9 %; sway is no Gaussian, and tilts as seen are not exact.
-        assert covered(batch, truth) > 0.91
-        assert np.mean(~batch.valid) <= 0.015
+        # 95 % of 600 runs is known to 0.9 %, of 60 to 2.8 %; sway is no Gaussian, and tilts as seen are not exact.
+        assert covered(batch, truth) > 0.95 - 4.5 * np.sqrt(0.95 * 0.05 / count)
+        assert np.mean(~batch.valid) <= max(0.015, 3 / count)
     assert errors["auto"] < 1.06 * errors["mean"]
     if arcsec == 300:
-        assert errors["auto"] < 0.5 * errors["mean"]
+        assert errors["auto"] < 0.5 * errors["mean"]  # that of `inertial` is a third

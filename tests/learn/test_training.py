@@ -275,7 +275,7 @@ def test_resuming_after_a_kill_while_a_checkpoint_is_written(tmp_path, monkeypat
     assert [entry["epoch"] for entry in lines(tmp_path / "b.training", "heading")] == [1, 2, 3, 4, 5, 6]
 
 
-@pytest.mark.slow
+@pytest.mark.long  # a kill while a file is written: above
 def test_killing_at_20_random_moments_loses_at_most_the_running_epoch(tmp_path):
     """SIGKILL to the process; an epoch that the log shows is saved, and the bundle in the end is the same."""
     settings = changed(

@@ -26,7 +26,8 @@ from gyronorth.errors import InputError
 from gyronorth.readers import read, write
 
 SEED = 20240501
-FILES = 10_000
+#: Damaged files, in every `make test` and in `make long`.
+FILES, MANY_FILES = 2000, 10_000
 #: Longest processor time for one file, s: a thousand times what one takes.
 PATIENCE = 60
 #: Growth of the process that no damaged size field may cause, KiB.
@@ -192,7 +193,8 @@ def outcome(path: Path, options: Options, rng: np.random.Generator) -> str:
 
 
 @pytest.mark.slow
-def test_every_mutated_file_ends_in_a_result_a_refusal_or_one_clear_error(tmp_path: Path):
+@pytest.mark.parametrize("files", [FILES, pytest.param(MANY_FILES, marks=pytest.mark.long)])
+def test_every_mutated_file_ends_in_a_result_a_refusal_or_one_clear_error(tmp_path: Path, files: int):
     bases = base_files(tmp_path)
     for name, content, options in bases:
         (tmp_path / name).write_bytes(content)
@@ -200,7 +202,7 @@ def test_every_mutated_file_ends_in_a_result_a_refusal_or_one_clear_error(tmp_pa
         assert heading(read(tmp_path / name, **options), latitude=LATITUDE).valid, name
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     outcomes = {"error": 0, "valid": 0, "refused": 0}
-    for number in range(FILES):
+    for number in range(files):
         name, content, options = bases[number % len(bases)]
         rng = np.random.default_rng([SEED, number])
         mutated = bytearray(content)
@@ -217,6 +219,6 @@ def test_every_mutated_file_ends_in_a_result_a_refusal_or_one_clear_error(tmp_pa
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     assert grown < MEMORY, f"the process grew by {grown >> 10} MiB"
     # All three ends occur: neither are the mutations harmless, nor is everything thrown out at the door.
-    assert outcomes["error"] > FILES / 4, outcomes
-    assert outcomes["valid"] > FILES / 10, outcomes
-    assert outcomes["refused"] > FILES / 100, outcomes
+    assert outcomes["error"] > files / 4, outcomes
+    assert outcomes["valid"] > files / 10, outcomes
+    assert outcomes["refused"] > files / 100, outcomes

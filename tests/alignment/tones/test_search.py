@@ -136,7 +136,7 @@ def test_mixed_disturbance_costs_less_than_half_of_what_it_costs_the_mean():
     assert low / 20 < np.mean((error / sigma) ** 2) < high / 20
 
 
-@pytest.mark.slow
+@pytest.mark.long  # its small form stands above
 @pytest.mark.parametrize(("kind", "most"), [("mixed", 0.38), ("quiet", 1.03)])
 def test_ratio_to_the_mean_and_coverage(kind, most):
     error, fits, plain = estimates(kind, 250)

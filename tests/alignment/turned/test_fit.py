@@ -275,6 +275,7 @@ def test_nothing_but_motion_is_told():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("runs", [100, pytest.param(2000, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("sensor", "turns", "latitude", "roll", "most"),
     [
@@ -287,11 +288,12 @@ def test_nothing_but_motion_is_told():
         (FLICKER, (PI,), LATITUDE, 0.0, 1.03 * 2.17),
     ],
 )
-def test_figures_of_the_issue(sensor, turns, latitude, roll, most):
-    """2000 runs: the root mean square is known to 1.6 %, coverage to 0.5 %."""
-    error, sigma = errors_and_sigmas(sensor, turns, 2000, latitude=latitude, roll=roll)
-    assert np.sqrt(np.mean(error**2)) / DEG < most
-    assert 0.93 < np.mean(np.abs(error) < 1.96 * sigma) < 0.97
+def test_figures_of_the_issue(sensor, turns, latitude, roll, most, runs):
+    """The root mean square is known to 1 / sqrt(2 runs): to 1.6 % with 2000; coverage to 0.5 %."""
+    error, sigma = errors_and_sigmas(sensor, turns, runs, latitude=latitude, roll=roll)
+    chance = 3.3 / np.sqrt(2 * runs) if runs < 2000 else 0.0  # the figures themselves are held by many runs only
+    assert np.sqrt(np.mean(error**2)) / DEG < most * (1 + chance)
+    assert abs(np.mean(np.abs(error) < 1.96 * sigma) - 0.95) < max(0.02, 3.3 * np.sqrt(0.95 * 0.05 / runs))
 
 
 def test_one_pose_of_an_unknown_sensor_is_refused_and_a_second_one_cures_it():
