@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from gyronorth.cli import app
 from gyronorth.errors import InputError
-from gyronorth.readers import read, read_chunks, write
+from gyronorth.readers import read, read_chunks, registry, write
 from gyronorth.recording import Recording
 
 ROWS, RATE = 400, 100.0

@@ -20,6 +20,8 @@ from gyronorth.errors import InputError
 
 #: Probability that the bias settles or walks from which auto takes no method that holds it constant.
 UNSTEADY = 0.5
+#: Share of the gyro's angle variance that the accelerometer's tilt has to have, for it to see the motion.
+SEEN_SHARE = 0.5
 #: Why the mean answers where nothing speaks against it.
 UNDISTURBED = "one pose, undisturbed"
 
@@ -57,6 +59,8 @@ class Auto:
         traced = None
         if problem.accel_b is not None and problem.attitude is None and (detected or problem.sensor is None):
             traced = METHODS["inertial"].solve(problem, Options())
+        if traced is not None and bool(_seen_by_the_accelerometer(problem)):
+            return replace(traced, why="one pose: the accelerometer sees the motion, and gravity is traced through it")
         disturbed = detected or (traced is not None and _noise_is_motion(problem, mean, traced))
         modelled = _modelled(problem) if detected or bool(_changes_slowly(problem)) else None
         found = None if modelled is None else modelled.disturbance
@@ -72,6 +76,16 @@ class Auto:
         usable = [result for result in candidates if not _refused(problem, result)]
         best = min(usable or candidates, key=lambda result: float(result.posterior.sigma))
         return replace(best, why=f"one pose, disturbed: sigma {sigmas}", disturbance=found)
+
+
+def _seen_by_the_accelerometer(problem: Problem) -> Mask:
+    """Where there is motion and the accelerometer explains it: methods that are blind to it have no say.
+
+    Its tilt and the gyro's angle share most of their variance, or its trend exceeds what noise and drift leave it.
+    """
+    motion = problem.motion
+    shared = motion.sway.tilt_variance > SEEN_SHARE * motion.sway.gyro_variance
+    return np.asarray(motion.detected & (shared | (motion.tilt > motion.tilt_limit)))
 
 
 def _refused(problem: Problem, result: Result) -> bool:
