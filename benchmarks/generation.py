@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 
 from benchmarks.comparison import Comparison
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
+from gyronorth.sensor.drawing import Law, draw
 from gyronorth.simulation import sensor_errors, simulate_batch
-from gyronorth.simulation.noise import Law, draw
 
 SAMPLES = 1_000_000
 RATE_HZ = 100.0

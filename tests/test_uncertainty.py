@@ -11,17 +11,15 @@ from gyronorth.alignment.gates import WIDEST_CONCENTRATION, WIDEST_HALF_WIDTH
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
+from gyronorth.sensor.law import NoiseLaw, gauss_markov_variance
 from gyronorth.simulation import sensor_errors
 from gyronorth.uncertainty import (
     NORMAL_975,
     STUDENT1_975,
     STUDENT2_975,
     STUDENT14_975,
-    bent_angle_variance,
     cramer_rao_floor,
-    gauss_markov_variance,
     heading_sigma_parts,
-    mean_rate_variance,
     rate_variance,
     von_mises,
 )
@@ -80,7 +78,7 @@ def test_quantisation_of_the_mean_is_that_of_its_two_ends():
     step, duration = 0.3, 7.0
     ends = np.random.default_rng(20240501).uniform(0, 1000, (100_000, 2))
     error = np.diff(step * np.round(ends / step) - ends, axis=1) / duration
-    claimed = mean_rate_variance(TriadErrors(quantisation=step), duration)["noise"]
+    claimed = rate_variance(TriadErrors(quantisation=step), duration)["noise"]
     assert_allclose(np.var(error), claimed, rtol=0.02)  # 5 sigma: a triangular law has kurtosis 2.4
 
 
@@ -139,12 +137,12 @@ def test_variance_of_the_mean_is_that_of_simulated_errors(term):
     errors = TriadErrors(**{term: 1.0})
     runs = 4000
     means = sensor_errors(errors, (runs, 200), 2.0, rng=np.random.default_rng(11)).mean(axis=1)
-    expected = sum(mean_rate_variance(errors, 100.0).values())
+    expected = sum(rate_variance(errors, 100.0).values())
     low, high = stats.chi2.ppf([0.0005, 0.9995], df=3 * runs) / (3 * runs)
     assert low < means.var() / expected < high or (term == "quantisation" and means.var() <= expected)
 
 
-def test_bent_angle_variance_is_that_of_simulated_drift():
+def test_detrended_angle_variance_is_that_of_simulated_drift():
     errors = read_sensor("sdc500").gyro
     rate = sensor_errors(errors, (3000, 100), 1.0, rng=np.random.default_rng(12))
     angle = np.cumsum(rate, axis=1) - rate / 2
@@ -152,7 +150,7 @@ def test_bent_angle_variance_is_that_of_simulated_drift():
     slope = np.einsum("t,rtc->rc", time, angle) / (time @ time)
     bent = angle - angle.mean(axis=1, keepdims=True) - time[:, None] * slope[:, None]
     measured = np.mean(bent[..., :2] ** 2, axis=(1, 2))
-    mean, limit = bent_angle_variance(errors, 100.0)
+    mean, limit = NoiseLaw(errors).detrended_angle_variance(100.0)
     assert_allclose(measured.mean(), mean, atol=4 * measured.std() / np.sqrt(3000))
     # A sum of few squares has a heavier tail than the normal law: 3.29 sigma is passed by up to 1 %.
     assert np.mean(measured > limit) < 0.015

@@ -1,20 +1,20 @@
 """Conditioning of a recording before alignment; nothing here shifts the mean.
 
 Decimation, block means, the noise that a recording shows of itself, how far a unit turned
-about its mean attitude, sway, and the segments in which it stood still.
+about its mean attitude, and sway.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from math import sqrt
+from functools import lru_cache
+from math import erfc, exp, lgamma, log, log1p, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gyronorth.arrays import Array
-from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.recording import Gap, Recording
 
@@ -182,7 +182,7 @@ def noise_density(x: Array, *, rate_hz: float) -> Noise:
     return Noise(
         density=np.sqrt(np.minimum(at_short, at_long) / rate_hz),
         excess=at_short / np.maximum(at_long, tiny),
-        excess_limit=_f_upper(dof_short, dof_long) if long > short else np.inf,
+        excess_limit=fisher_upper(dof_short, dof_long) if long > short else np.inf,
     )
 
 
@@ -194,14 +194,53 @@ def _allan_variance_time(x: Array, size: int) -> tuple[Array, float]:
     return value, max(1.0, difference.shape[-2] * x.shape[-1] * 2 / 3)
 
 
-def _f_upper(dof_1: float, dof_2: float) -> float:
-    """Upper 0.05 % point of Fisher's F, by Paulson's normal approximation (1942)."""
-    a, b, z = 2 / (9 * dof_1), 2 / (9 * dof_2), GATE_SIGMA
-    slope = (1 - b) ** 2 - z**2 * b
-    if slope <= 0:
-        return np.inf
-    root = ((1 - a) * (1 - b) + z * np.sqrt((1 - a) ** 2 * b + a * slope)) / slope
-    return float(root**3)
+@lru_cache(maxsize=64)
+def fisher_upper(dof_1: float, dof_2: float) -> float:
+    """Point that Fisher's F exceeds with the one-sided probability of `GATE_SIGMA`, 0.05 %.
+
+    Notes
+    -----
+    P(F > f) = I_x(d2 / 2, d1 / 2) at x = d2 / (d2 + d1 f) (Abramowitz and Stegun, 26.6.2); halved brackets of ln f.
+    """
+    probability = erfc(GATE_SIGMA / sqrt(2)) / 2
+    low, high = 0.0, 1.0
+
+    def exceeds(log_f: float) -> bool:
+        return incomplete_beta(dof_2 / 2, dof_1 / 2, 1 / (1 + dof_1 / dof_2 * exp(log_f))) > probability
+
+    while exceeds(high):
+        low, high = high, 2 * high
+    for _ in range(50):
+        middle = (low + high) / 2
+        low, high = (middle, high) if exceeds(middle) else (low, middle)
+    return exp((low + high) / 2)
+
+
+def incomplete_beta(a: float, b: float, x: float) -> float:
+    """Regularised incomplete beta function I_x(a, b), a and b above 0, x in [0, 1].
+
+    Notes
+    -----
+    The continued fraction of Numerical Recipes, 3rd ed. (2007), sec. 6.4 (Abramowitz and Stegun, 26.5.8), by the
+    modified Lentz method. scipy.special has it too, but costs as much as all else that a heading imports.
+    """
+    if x <= 0 or x >= 1:
+        return float(x >= 1)
+    if x > (a + 1) / (a + b + 2):
+        return 1 - incomplete_beta(b, a, 1 - x)
+    front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x)) / a
+    tiny = 1e-300
+    c, d = 1.0, 1 / max(1 - (a + b) * x / (a + 1), tiny)
+    fraction = d
+    for m in range(1, 10_000):
+        even = m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m))
+        odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))
+        for term in (even, odd):
+            d, c = 1 / (1 + term * d or tiny), 1 + term / c or tiny
+            fraction *= c * d
+        if abs(c * d - 1) < 1e-14:
+            break
+    return front * fraction
 
 
 @dataclass(frozen=True)
@@ -297,53 +336,3 @@ def _trend(x: Array) -> Array:
 def _without_trend(x: Array) -> Array:
     time = np.arange(x.shape[-2]) - (x.shape[-2] - 1) / 2
     return x - x.mean(axis=-2, keepdims=True) - time[:, None] * _trend(x)[..., None, :]
-
-
-def still_segments(gyro_b: Array, *, rate_hz: float, shortest: float = 5.0) -> list[tuple[float, float]]:
-    """Segments in which the unit stood still, by limits from the recording's own noise.
-
-    Parameters
-    ----------
-    gyro_b : ndarray, shape (n, 3)
-        Angular rate, rad/s.
-    rate_hz : float
-        Sample rate, Hz.
-    shortest : float
-        Segments shorter than this, s, are left out.
-
-    Returns
-    -------
-    list of (start, end)
-        Times in s. A block of about 0.5 s moves where its mean rate is further from the
-        quiet level than 8 sigma of the quieter blocks' own noise plus twice Earth rate; the
-        blocks beside it are left out too, since a turn may begin anywhere in them.
-    """
-    size = max(1, round(0.5 * rate_hz))
-    rate = block_means(gyro_b, size)
-    if len(rate) < 4:
-        return [(0.0, len(gyro_b) / rate_hz)]
-    distance, limit = _distance_from_quiet(rate)
-    moving = distance > limit
-    beside = moving.copy()
-    beside[1:] |= moving[:-1]
-    beside[:-1] |= moving[1:]
-    still = np.concatenate([[False], ~beside, [False]])
-    starts, ends = np.flatnonzero(still[1:] & ~still[:-1]), np.flatnonzero(~still[1:] & still[:-1])
-    seconds = size / rate_hz
-    last = len(gyro_b) / rate_hz
-    segments = [
-        (start * seconds, last if end == len(rate) else end * seconds) for start, end in zip(starts, ends, strict=True)
-    ]
-    return [segment for segment in segments if segment[1] - segment[0] >= shortest]
-
-
-def _distance_from_quiet(rate: Array) -> tuple[Array, float]:
-    """Distance of each block's rate from the quiet level, rad/s, and the limit for standing still."""
-    step = np.linalg.norm(np.diff(rate, axis=0), axis=1) / sqrt(2)
-    # The quieter half of the steps: their median is that of noise even where half the record moves.
-    noise = np.median(np.sort(step)[: max(2, len(step) // 2)])
-    order = np.argsort(np.concatenate([step, step[-1:]]))
-    centre = np.median(rate[order[: max(2, len(rate) // 2)]], axis=0)
-    distance = np.linalg.norm(rate - centre, axis=1)
-    # 8 sigma of noise, and what Earth rate itself can change by when the unit is turned over.
-    return distance, float(8 * noise + 2 * EARTH_RATE)

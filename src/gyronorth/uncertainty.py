@@ -15,11 +15,8 @@ from numpy.typing import ArrayLike
 
 from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE, normal_gravity
-from gyronorth.sensor import Sensor, TriadErrors, flicker_components
-
-#: How samples are weighted: "mean" evenly, "slope" as the slope of a straight line through
-#: the integral (parabola, for rates), "ramp" as the slope of a line through the samples.
-Weighting = Literal["mean", "slope", "ramp"]
+from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.sensor.law import NoiseLaw, Weighting
 
 #: 97.5 % points of the normal law and of Student's t with 2 degrees of freedom.
 NORMAL_975 = 1.959964
@@ -30,45 +27,6 @@ STUDENT1_975, STUDENT14_975 = 12.706205, 2.144787
 SIGMA_UNKNOWN = np.pi / np.sqrt(3)
 
 
-def gauss_markov_variance(variance: ArrayLike, tau: ArrayLike, duration: ArrayLike, weighting: Weighting) -> Array:
-    """Variance of a weighted mean over `duration` of a stationary Gauss-Markov process.
-
-    With a = duration / tau, exp(-a u) is averaged over the autocorrelation of the weights:
-
-    - "mean": 2 v / a^2 (a - 1 + exp(-a)), that is 2 v tau / T^2 (T - tau (1 - exp(-T / tau)));
-    - "slope" (weights 6 x (1 - x)): 2.4 v times the integral of (1 - 5 u^2 + 5 u^3 - u^5) exp(-a u);
-    - "ramp" (weights 12 (x - 1/2) / T): 24 v / T^2 times the integral of (1 - 3 u + 2 u^3) exp(-a u).
-    """
-    duration = np.asarray(duration, dtype=float)
-    a = duration / np.asarray(tau, dtype=float)
-    if weighting == "mean":
-        return 2 * np.asarray(variance) * _polynomial_exponential((1, -1), a)
-    if weighting == "slope":
-        return 2.4 * np.asarray(variance) * _polynomial_exponential((1, 0, -5, 5, 0, -1), a)
-    return 24 * np.asarray(variance) / duration**2 * _polynomial_exponential((1, -3, 0, 2), a)
-
-
-def _polynomial_exponential(coefficients: tuple[int, ...], a: Array) -> Array:
-    """Integral over u in [0, 1] of sum c_k u^k times exp(-a u), stable for every a > 0."""
-    node, weight = _legendre()
-    small = np.minimum(a, 20.0)[..., None]
-    quadrature = (np.polyval(coefficients[::-1], node) * np.exp(-small * node)) @ weight
-    large = np.maximum(a, 20.0)
-    end = np.exp(-large)
-    moment = (1 - end) / large
-    recursion = coefficients[0] * moment
-    for power, coefficient in enumerate(coefficients[1:], start=1):
-        moment = (power * moment - end) / large
-        recursion = recursion + coefficient * moment
-    return np.where(a <= 20, quadrature, recursion)
-
-
-@lru_cache
-def _legendre() -> tuple[Array, Array]:
-    node, weight = np.polynomial.legendre.leggauss(32)  # exact to 1e-15 for a <= 20
-    return (node + 1) / 2, weight / 2
-
-
 def rate_variance(errors: TriadErrors, duration: ArrayLike, *, weighting: Weighting = "mean") -> dict[str, Array]:
     """Variance of one axis of a weighted mean over `duration` s, by part, (unit u)^2.
 
@@ -77,25 +35,9 @@ def rate_variance(errors: TriadErrors, duration: ArrayLike, *, weighting: Weight
     slope, u^2/s^2, and a constant bias drops out.
     """
     duration = np.asarray(duration, dtype=float)
-    white, walk, quantum, constant = {
-        "mean": (1.0, 1 / 3, 1 / 6, 1.0),
-        "slope": (1.2, 13 / 35, 0.0, 1.0),
-        "ramp": (12.0, 6 / 5, 0.0, 0.0),
-    }[weighting]
-    per_second = duration ** (-3.0) if weighting == "ramp" else 1 / duration
-    walk_power = 1 / duration if weighting == "ramp" else duration
-    variance, tau = flicker_components(errors)
-    flicker = gauss_markov_variance(variance, tau, duration[..., None], weighting).sum(-1)
-    return {
-        "noise": errors.white**2 * white * per_second + quantum * (errors.quantisation / duration) ** 2,
-        "drift": flicker + errors.random_walk**2 * walk * walk_power,
-        "turn_on_bias": constant * errors.turn_on_bias**2 * np.ones_like(duration),
-    }
-
-
-def mean_rate_variance(errors: TriadErrors, duration: ArrayLike) -> dict[str, Array]:
-    """Variance of the plain mean of one axis over `duration` s, by part, u^2."""
-    return rate_variance(errors, duration, weighting="mean")
+    constant = 0.0 if weighting == "ramp" else 1.0
+    parts = NoiseLaw(errors).mean_variance(duration, weighting=weighting)
+    return {**parts, "turn_on_bias": constant * errors.turn_on_bias**2 * np.ones_like(duration)}
 
 
 def horizontal_rate_variance(
@@ -207,47 +149,3 @@ def _von_mises_table() -> tuple[Array, Array, Array]:
     step = limit[:, 0] / 1500
     half = np.array([np.interp(0.95, c, a) for c, a in zip(cumulative, angle, strict=True)]) + step / 2
     return grid, rms * np.sqrt(grid), half * np.sqrt(grid)
-
-
-@lru_cache(maxsize=64)
-def bent_angle_variance(errors: TriadErrors, duration: float) -> tuple[float, float]:
-    """What the integrated rate of a unit at rest strays from its trend, from noise and drift alone.
-
-    Parameters
-    ----------
-    errors : TriadErrors
-        Error terms of the gyro.
-    duration : float
-        Length of the record, s.
-
-    Returns
-    -------
-    mean, limit : float
-        Expected variance about the fitted line, rad^2, as `conditioning.sway` measures it
-        (two axes pooled), and its 3.29 sigma limit.
-
-    Notes
-    -----
-    With the covariance S of the means of 100 blocks (white N^2 / block, Gauss-Markov in closed form,
-    random walk K^2 min(t, t')), L the integration and P the projection away from a line,
-    the expectation is tr(P L S L' P) / blocks and the variance of two pooled axes
-    tr((P L S L' P)^2) / blocks^2.
-    """
-    blocks, block = 100, duration / 100
-    lag = np.abs(np.subtract.outer(np.arange(blocks), np.arange(blocks)))
-    covariance = errors.white**2 / block * np.eye(blocks)
-    for variance, tau in zip(*flicker_components(errors), strict=True):
-        a = block / tau
-        covariance += variance * np.where(
-            lag == 0, 2 / a**2 * (a - 1 + np.exp(-a)), (-np.expm1(-a) / a) ** 2 * np.exp(-(np.maximum(lag, 1) - 1) * a)
-        )
-    time = (np.arange(blocks) + 0.5) * block
-    covariance += errors.random_walk**2 * np.minimum.outer(time, time)
-    integrate = block * (np.tri(blocks) - 0.5 * np.eye(blocks))
-    line = np.stack([np.ones(blocks), time], axis=1)
-    orthonormal, _ = np.linalg.qr(line)
-    bend = integrate - orthonormal @ (orthonormal.T @ integrate)
-    strayed = bend @ covariance @ bend.T
-    mean = float(np.trace(strayed) / blocks)
-    spread = float(np.sqrt(np.sum(strayed**2)) / blocks)
-    return mean, mean + 3.29 * spread

@@ -21,10 +21,11 @@ from gyronorth.attitude import level, mat_bn
 from gyronorth.earth import EARTH_RATE, earth_rate_n, normal_gravity
 from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, TriadErrors, flicker_components
+from gyronorth.sensor import drawing as noise
+from gyronorth.sensor.drawing import ProcessLaw, draw
 from gyronorth.sensor.profiles import ALLAN_MINIMUM
-from gyronorth.simulation import Motion, noise, sensor_errors, simulate, simulate_batch
+from gyronorth.simulation import Motion, sensor_errors, simulate, simulate_batch
 from gyronorth.simulation.disturbance import drawn
-from gyronorth.simulation.noise import Law, draw
 
 IDEAL = Sensor("ideal", TriadErrors(), TriadErrors())
 CHANCE = 1e-5
@@ -46,7 +47,7 @@ def assert_covariance(a, b, expected, *, slack=0.0):
 
 
 def markov(variance, tau, shape, rate_hz, seed):
-    law = Law(0.0, ((variance, tau),))
+    law = ProcessLaw(0.0, ((variance, tau),))
     return draw(law, shape, rate_hz, constant=np.zeros((shape[0], 3)), rng=np.random.default_rng(seed))
 
 
@@ -107,7 +108,7 @@ def test_a_process_runs_on_across_blocks(monkeypatch, samples_per_tau, boundary)
 
 def test_slow_processes_of_different_spacing_join_without_steps():
     # The first wants a knot per sample, the second one per 16 samples: that one must reach the first's knots as lines.
-    law = Law(0.0, ((1e-9, 6.0), (1.0, 90.0)))
+    law = ProcessLaw(0.0, ((1e-9, 6.0), (1.0, 90.0)))
     errors = draw(law, (3000, 64), 10.0, constant=np.zeros((3000, 3)), rng=np.random.default_rng(11))
     steps = np.mean(np.diff(errors, axis=1) ** 2, axis=(0, 2))
     true_step = 2 * (covariance_of_means(1.0, 1 / 900, 0) - covariance_of_means(1.0, 1 / 900, 1))

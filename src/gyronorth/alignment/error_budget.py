@@ -111,7 +111,7 @@ def averaged_over_models(
     square is sigma.
 
     Bumps are left out of the average, but the attitude that they leave behind is not: it enters the heading in first
-    order, so that a rotation is held against twice sigma (0.5 deg at least), and what noise and drift integrate to.
+    order, so that a rotation is held against sigma (0.25 deg at least), and what noise and drift integrate to.
     """
     signal = horizontal_earth_rate(problem.latitude)
     whole = np.asarray((posterior.sigma * signal) ** 2)
@@ -121,7 +121,7 @@ def averaged_over_models(
     variance = {name: value * share for name, value in claimed.items()}
     variance["model"] = np.maximum(whole - total, 0.0)
     believed = np.maximum(whole, total)
-    limit = np.clip(2 * posterior.sigma, MOTION_ALLOWANCE, np.sqrt(MOTION_ALLOWANCE_MOST))
+    limit = np.clip(posterior.sigma, KNOCK_ALLOWANCE, np.sqrt(MOTION_ALLOWANCE_MOST))
     limit = limit + EXCURSION_OVER_RMS * problem.motion.angle_limit
     judged = Judged(attitude.rate_l, believed, believed, limit)
     arm = np.full(problem.shape, signal)
@@ -155,6 +155,9 @@ MOTION_ALLOWANCE = np.radians(0.5)
 MOTION_ALLOWANCE_MOST = 0.1
 #: Attitude change that inertial-frame alignment may carry, rad: beyond it the unit turned.
 INERTIAL_EXCURSION = np.radians(45.0)
+#: Rotation, rad, that a method which leaves out bumps allows for however well it knows the heading: the sway and the
+#: bumps of the reference mix turn a unit by 0.2 deg at most.
+KNOCK_ALLOWANCE = np.radians(0.25)
 #: Largest over root mean square excursion of an integrated rate that only drifts: of a random walk about its trend it
 #: is below 4 in 999 of 1000.
 EXCURSION_OVER_RMS = 4.0

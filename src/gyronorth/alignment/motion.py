@@ -11,8 +11,8 @@ from gyronorth.arrays import Array, Mask
 from gyronorth.conditioning import GATE_SIGMA, Sway, block_means, noise_density, sway
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import mean_covariance
-from gyronorth.uncertainty import bent_angle_variance, rate_variance
+from gyronorth.sensor.law import NoiseLaw
+from gyronorth.uncertainty import rate_variance
 
 #: Least standard deviation of a mean rate, rad/s (2e-7 deg/h): keeps a record without noise finite.
 RATE_FLOOR = 1e-12
@@ -58,20 +58,20 @@ def motion_statistics(
     The mean over T is wrong by the net tilt change over T: in variance 2 V / T^2 for an
     oscillation of variance V, plus the square of the change that the accelerometer's trend
     shows; of yaw nothing shows the trend, and 3 V / T^2 allows for it. With a profile the
-    integrated rate is held against what its noise and drift stray from a line
-    (`bent_angle_variance`), and the trend against the accelerometer's noise and drift; without
+    integrated rate is held against what its noise and drift deviate from a line
+    (`NoiseLaw.detrended_angle_variance`), and the trend against the accelerometer's noise and drift; without
     one, against the recording's own.
     """
     duration = gyro_b.shape[-2] / rate_hz
     moved = sway(gyro_b, accel_b, mat_lb=mat_lb, rate_hz=rate_hz)
     noise = noise_density(gyro_b, rate_hz=rate_hz)
     if sensor is None:
-        unit, unit_limit = bent_angle_variance(TriadErrors(white=1.0), duration)
+        unit, unit_limit = NoiseLaw(TriadErrors(white=1.0)).detrended_angle_variance(duration)
         expected, limit = noise.density**2 * unit, noise.density**2 * unit_limit
         bent = noise.excess > noise.excess_limit
         own_change = moved.tilt_noise
     else:
-        unit, unit_limit = bent_angle_variance(sensor.gyro, duration)
+        unit, unit_limit = NoiseLaw(sensor.gyro).detrended_angle_variance(duration)
         expected, limit = np.full_like(noise.density, unit), np.full_like(noise.density, unit_limit)
         bent = np.ones(limit.shape, dtype=bool)
         own_change = np.maximum(moved.tilt_noise, _trend_variance(sensor, duration))
@@ -122,7 +122,7 @@ def drift_detected(gyro_b: Array, *, rate_hz: float, errors: TriadErrors) -> Mas
 def _slow_shapes(errors: TriadErrors, size: int, rate_hz: float) -> Array:
     """What block means are multiplied with: unit shapes of slow change, free of a constant, in units of noise."""
     edges = np.arange(SLOW_BLOCKS + 1) * size
-    covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
     covariance += np.eye(SLOW_BLOCKS) * RATE_FLOOR**2
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     time = (np.arange(SLOW_BLOCKS) + 0.5) / SLOW_BLOCKS

@@ -18,43 +18,19 @@ from gyronorth.allan.identification import (
     fitted_multiples,
     identify_variance,
 )
-from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.attitude import level, mat_lb
-from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY, normal_gravity
+from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.errors import InputError
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.sensor.law import MILLI_G, TERMS
 
 #: Student's 97.5 % points for 1 and 2 degrees of freedom over the normal law's.
 STUDENT1, STUDENT2 = 12.7062 / 1.959964, 4.302653 / 1.959964
 #: Half the range of normal gravity from the equator to a pole, m/s^2.
 GRAVITY_HALF_RANGE = 0.026
-
-_MG = 1e-3 * STANDARD_GRAVITY
-# Term of an Identification: (key in JSON, one unit of it in SI), as in sensor profiles.
-_GYRO_KEYS = {
-    "angle_random_walk": ("angle_random_walk_deg_sqrt_h", DEG_PER_SQRT_HOUR),
-    "bias_instability": ("bias_instability_deg_h", DEG_PER_HOUR),
-    "rate_random_walk": ("rate_random_walk_deg_h_sqrt_h", DEG_PER_HOUR / 60),
-    "quantisation": ("quantisation_arcsec", np.pi / 180 / 3600),
-}
-_ACCEL_KEYS = {
-    "angle_random_walk": ("velocity_random_walk_m_s_sqrt_h", 1 / 60),
-    "bias_instability": ("bias_instability_mg", _MG),
-    "rate_random_walk": ("acceleration_random_walk_mg_sqrt_h", _MG / 60),
-    "quantisation": ("quantisation_m_s", 1.0),
-}
-_BIAS = {"bias_instability": "bias instability"}
-_GYRO_NAMES = {"angle_random_walk": "angle random walk", **_BIAS, "rate_random_walk": "rate random walk"}
-_ACCEL_NAMES = {"angle_random_walk": "velocity random walk", **_BIAS, "rate_random_walk": "acceleration random walk"}
-# Term of an Identification: field of TriadErrors.
-_FIELDS = {
-    "angle_random_walk": "white",
-    "bias_instability": "flicker",
-    "rate_random_walk": "random_walk",
-    "quantisation": "quantisation",
-}
 
 
 @dataclass(frozen=True)
@@ -85,8 +61,8 @@ class Characterisation:
             "source": self.source,
             "duration_s": self.duration,
             "rate_hz": self.rate_hz,
-            "gyro": _triad_json(self.gyro, "deg_h", DEG_PER_HOUR, _GYRO_KEYS),
-            "accel": None if self.accel is None else _triad_json(self.accel, "mg", _MG, _ACCEL_KEYS),
+            "gyro": _triad_json(self.gyro, "deg_h", DEG_PER_HOUR),
+            "accel": None if self.accel is None else _triad_json(self.accel, "mg", MILLI_G),
             "turn_on_bias_deg_h": self.sensor.gyro.turn_on_bias / DEG_PER_HOUR,
             "notes": list(self.notes),
         }
@@ -228,13 +204,13 @@ def _report(measured: list[_Axis], recording: AtRest, flicker_longest: float) ->
 
 def _figures(report: TriadReport) -> dict[str, float]:
     figures = {}
-    for term, field in _FIELDS.items():
-        triad: Identified = getattr(report.triad, term)
-        lows = [getattr(axis, term).low for axis in report.axes]
+    for term in TERMS:
+        triad: Identified = getattr(report.triad, term.name)
+        lows = [getattr(axis, term.name).low for axis in report.axes]
         if triad.status == "identified":
-            figures[field] = max(triad.value, *lows)
+            figures[term.field] = max(triad.value, *lows)
         else:
-            figures[field] = 0.0 if term == "quantisation" else max(triad.high, *lows)
+            figures[term.field] = 0.0 if term.field == "quantisation" else max(triad.high, *lows)
     return figures
 
 
@@ -250,9 +226,9 @@ def _remarks(what: str, report: TriadReport) -> list[str]:
             f"The {what} is fitted from {triad.tau[0]:.3g} s on: shorter averaging times do not follow the model "
             "(filter, vibration or sway)."
         )
-    names = _GYRO_NAMES if what == "gyro" else _ACCEL_NAMES
-    for term, name in names.items():
-        subject, status = f"The {what}'s {name}", getattr(triad, term).status
+    for term in TERMS[1:]:
+        words = (term.gyro if what == "gyro" else term.accel).words.removesuffix(" B")
+        subject, status = f"The {what}'s {words}", getattr(triad, term.name).status
         if status == "upper bound":
             remarks.append(f"{subject} is an upper bound.")
         elif status == "not identified":
@@ -285,7 +261,7 @@ def _with_turn_on_bias(
         accel_bias = STUDENT1 * (error if latitude is not None else max(error, GRAVITY_HALF_RANGE))
         accel = replace(accel, turn_on_bias=accel_bias)
         remarks.append(
-            f"The accelerometer's turn-on bias, {accel_bias / _MG:.3g} mg, is inferred from the size of the mean "
+            f"The accelerometer's turn-on bias, {accel_bias / MILLI_G:.3g} mg, is inferred from the size of the mean "
             f"specific force ({STUDENT1:.2f} times its error)."
         )
     return replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=gyro_bias), accel=accel), remarks
@@ -305,26 +281,27 @@ def _gap_message(recording: AtRest) -> str:
     )
 
 
-def _triad_json(report: TriadReport, unit: str, one: float, keys: dict[str, tuple[str, float]]) -> dict[str, Any]:
+def _triad_json(report: TriadReport, unit: str, one: float) -> dict[str, Any]:
     deviation = report.deviation
     return {
         "tau_s": deviation.tau.tolist(),
         f"deviation_{unit}": (deviation.deviation / one).tolist(),
         f"low_{unit}": (deviation.low / one).tolist(),
         f"high_{unit}": (deviation.high / one).tolist(),
-        "axes": [_identification_json(axis, keys) for axis in report.axes],
-        "triad": _identification_json(report.triad, keys),
+        "axes": [_identification_json(axis, unit) for axis in report.axes],
+        "triad": _identification_json(report.triad, unit),
     }
 
 
-def _identification_json(identification: Identification, keys: dict[str, tuple[str, float]]) -> dict[str, Any]:
+def _identification_json(identification: Identification, unit: str) -> dict[str, Any]:
     terms = {}
-    for term, (key, one) in keys.items():
-        found: Identified = getattr(identification, term)
-        terms[key] = {
-            "value": found.value / one if found.status == "identified" else None,
-            "low": found.low / one,
-            "high": found.high / one,
+    for term in TERMS:
+        form = term.gyro if unit == "deg_h" else term.accel
+        found: Identified = getattr(identification, term.name)
+        terms[form.key] = {
+            "value": found.value / form.one if found.status == "identified" else None,
+            "low": found.low / form.one,
+            "high": found.high / form.one,
             "status": found.status,
         }
     return terms | {"fitted_from_s": float(identification.tau[0]), "misfit": identification.misfit}

@@ -24,7 +24,8 @@ from numpy.typing import ArrayLike
 from gyronorth.allan.deviation import allan_variance, check_samples, chi_square_point, degrees_of_freedom, octaves
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
-from gyronorth.sensor import TriadErrors, flicker_components
+from gyronorth.sensor import TriadErrors
+from gyronorth.sensor.law import TERMS, NoiseLaw
 
 Status = Literal["identified", "upper bound", "not identified"]
 
@@ -79,7 +80,7 @@ class Identification:
     def deviation(self, tau: ArrayLike) -> Array:
         """Allan deviation of the fitted model at averaging times tau (k,), s."""
         terms = (self.quantisation, self.angle_random_walk, self.bias_instability, self.rate_random_walk)
-        return np.sqrt(_columns(np.asarray(tau, dtype=float), self.flicker_longest) @ [term.value**2 for term in terms])
+        return np.sqrt(_law(self.flicker_longest).allan_variance(tau) @ [term.value**2 for term in terms])
 
 
 def identify(x: ArrayLike, *, rate_hz: float, flicker_longest: float = 1000.0) -> Identification:
@@ -191,37 +192,9 @@ def _best_fit(m: Array, variance: Array, n: int, rate_hz: float, *, axes: int, f
     return best
 
 
-def gauss_markov_allan_variance(tau: ArrayLike, time_constant: ArrayLike) -> Array:
-    """Allan variance of a stationary Gauss-Markov process of unit variance; shapes broadcast.
-
-    With r = tau / time_constant: (2 r - 3 + 4 exp(-r) - exp(-2 r)) / r^2, which follows from
-    sigma^2(tau) = 2 V(tau) - 2 V(2 tau) and the variance of the mean over tau,
-    V(tau) = 2 (r - 1 + exp(-r)) / r^2.
-    """
-    r = np.asarray(tau, dtype=float) / np.asarray(time_constant, dtype=float)
-    small = r < 0.01  # the closed form loses digits there; the series is good to 1e-9
-    s = np.where(small, 1.0, r)
-    closed = (2 * s - 3 + 4 * np.exp(-s) - np.exp(-2 * s)) / s**2
-    return np.where(small, r * (2 / 3 - r * (1 / 2 - r * (7 / 30 - r / 12))), closed)
-
-
-def _columns(tau: Array, flicker_longest: float) -> Array:
-    """Allan variance of each term of unit coefficient, (k, 4): quantisation, white, flicker, random walk.
-
-    IEEE Std 952-1997, annex C; flicker as the package makes it (`flicker_components`).
-    """
-    variance, constant = flicker_components(TriadErrors(flicker=1.0, flicker_longest=flicker_longest))
-    flicker = gauss_markov_allan_variance(tau[..., None], constant) @ variance
-    return np.stack([0.25 / tau**2, 1 / tau, flicker, tau / 3], axis=-1)
-
-
-def _spectra(f: Array, rate_hz: float, flicker_longest: float) -> Array:
-    """Two-sided spectrum of each term of unit coefficient at f (k,), Hz, shape (k, 4)."""
-    variance, constant = flicker_components(TriadErrors(flicker=1.0, flicker_longest=flicker_longest))
-    omega = 2 * np.pi * f
-    flicker = (2 * variance * constant / (1 + (omega[:, None] * constant) ** 2)).sum(-1)
-    quantisation = 4 * np.sin(np.pi * f / rate_hz) ** 2 * rate_hz / 12  # Q^2 = q^2 / 12
-    return np.stack([quantisation, np.ones_like(f), flicker, 1 / omega**2], axis=-1)
+def _law(flicker_longest: float) -> NoiseLaw:
+    """Every term with a coefficient of one."""
+    return NoiseLaw(TriadErrors(**{term.field: 1.0 for term in TERMS}, flicker_longest=flicker_longest))
 
 
 class _Fit:
@@ -242,11 +215,11 @@ class _Fit:
         self.m, self.variance, self.n, self.axes = m, variance, n, axes
         self.tau = m / rate_hz
         self.model_error = MODEL_ERROR
-        self._columns = _columns(self.tau, flicker_longest)
+        self._columns = _law(flicker_longest).allan_variance(self.tau)
         duration = n / rate_hz
         edges = np.geomspace(0.02 / duration, rate_hz / 2, int(100 * np.log2(25 * n)))
         f = np.sqrt(edges[1:] * edges[:-1])
-        self._spectra = _spectra(f, rate_hz, flicker_longest)
+        self._spectra = _law(flicker_longest).spectrum(f, rate_hz)
         response = 2 * np.sin(np.pi * f * self.tau[:, None]) ** 4 / np.square(m[:, None] * np.sin(np.pi * f / rate_hz))
         self._response = response / np.sqrt(duration - 1.5 * self.tau)[:, None]
         self._width = 4 * np.diff(edges) / axes

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.report.terminal import print_table
+from gyronorth.sensor.law import TERMS
 
 if TYPE_CHECKING:
     from gyronorth.allan import Characterisation
@@ -29,17 +30,6 @@ One standard deviation of one axis. Noise: angle (velocity) random walk. B: bias
 coefficient, the Allan minimum / 0.664. Bias: from power-up to power-up. --json prints all terms.
 
 """
-#: Key of an identified term in JSON -> its name and unit for people.
-TERMS = {
-    "angle_random_walk_deg_sqrt_h": ("angle random walk", "deg/sqrt(h)"),
-    "velocity_random_walk_m_s_sqrt_h": ("velocity random walk", "m/s/sqrt(h)"),
-    "bias_instability_deg_h": ("bias instability B", "deg/h"),
-    "bias_instability_mg": ("bias instability B", "mg"),
-    "rate_random_walk_deg_h_sqrt_h": ("rate random walk", "deg/h/sqrt(h)"),
-    "acceleration_random_walk_mg_sqrt_h": ("acceleration random walk", "mg/sqrt(h)"),
-    "quantisation_arcsec": ("quantisation", "arcsec"),
-    "quantisation_m_s": ("quantisation", "m/s"),
-}
 
 
 def print_sensors(sensors: Sequence[Sensor], stream: TextIO) -> None:
@@ -65,14 +55,20 @@ def print_characterisation(found: Characterisation, stream: TextIO) -> None:
         axes, triad = doc[what]["axes"], doc[what]["triad"]
         rows = [
             (name, unit, *(_value_text(axis[key]) for axis in axes), _term_text(triad[key]))
-            for key, (name, unit) in TERMS.items()
-            if key in triad
+            for key, name, unit in _rows(what)
         ]
         print_table((what, "unit", "body x", "body y", "body z", "all three"), rows, stream, unwrapped=())
         stream.write("\n")
     stream.write("In brackets the 95 % interval (--json has those of each axis); < is an upper bound where the\n")
     stream.write("recording cannot tell the term from zero, ? where the curve does not follow the model.\n")
     stream.writelines(f"- {note}\n" for note in doc["notes"])
+
+
+def _rows(what: str) -> list[tuple[str, str, str]]:
+    """Key, name and unit of each term of a triad: what averages least first, quantisation last."""
+    terms = (*(term for term in TERMS if term.field != "quantisation"), TERMS[0])
+    units = (term.gyro if what == "gyro" else term.accel for term in terms)
+    return [(unit.key, unit.words, unit.unit) for unit in units]
 
 
 def _value_text(term: dict[str, Any]) -> str:

@@ -18,40 +18,33 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
+from gyronorth.sensor.law import MILLI_G, TERMS
 
 SCHEMA = "gyronorth.sensor/1"
 #: Allan minimum of flicker noise over its coefficient B, sqrt(2 ln 2 / pi): IEEE Std 952-1997, annex C.
 ALLAN_MINIMUM = math.sqrt(2 * math.log(2) / math.pi)
 
-_DEG, _MG = math.pi / 180, 1e-3 * STANDARD_GRAVITY
+_DEG = math.pi / 180
 _NonNegative = Annotated[float, Field(ge=0, le=1e9)]
 _Positive = Annotated[float, Field(gt=0, le=1e9)]
 _Definition = Literal["coefficient", "allan_minimum"]
 
-# Field of TriadErrors: (key in the file, one unit of the file in SI).
-_GYRO_UNITS = {
-    "white": ("angle_random_walk_deg_sqrt_h", DEG_PER_SQRT_HOUR),
-    "flicker": ("bias_instability_deg_h", DEG_PER_HOUR),
+# Field of TriadErrors: (key in the file, one unit of the file in SI); those of the stochastic terms are the law's.
+_GYRO_UNITS = {term.field: (term.gyro.key, term.gyro.one) for term in TERMS} | {
     "flicker_longest": ("bias_instability_longest_s", 1.0),
-    "random_walk": ("rate_random_walk_deg_h_sqrt_h", DEG_PER_HOUR / 60),
     "turn_on_bias": ("turn_on_bias_deg_h", DEG_PER_HOUR),
     "scale_factor": ("scale_factor_ppm", 1e-6),
     "misalignment": ("misalignment_mrad", 1e-3),
-    "quantisation": ("quantisation_arcsec", _DEG / 3600),
     "saturation": ("range_deg_s", _DEG),
 }
-_ACCEL_UNITS = {
-    "white": ("velocity_random_walk_m_s_sqrt_h", 1 / 60),
-    "flicker": ("bias_instability_mg", _MG),
+_ACCEL_UNITS = {term.field: (term.accel.key, term.accel.one) for term in TERMS} | {
     "flicker_longest": ("bias_instability_longest_s", 1.0),
-    "random_walk": ("acceleration_random_walk_mg_sqrt_h", _MG / 60),
-    "turn_on_bias": ("turn_on_bias_mg", _MG),
+    "turn_on_bias": ("turn_on_bias_mg", MILLI_G),
     "scale_factor": ("scale_factor_ppm", 1e-6),
     "misalignment": ("misalignment_mrad", 1e-3),
-    "quantisation": ("quantisation_m_s", 1.0),
     "saturation": ("range_g", STANDARD_GRAVITY),
 }
 _G_SENSITIVITY = ("g_sensitivity_deg_h_g", DEG_PER_HOUR / STANDARD_GRAVITY)

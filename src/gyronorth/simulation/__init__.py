@@ -15,8 +15,9 @@ from gyronorth.arrays import Array
 from gyronorth.errors import InputError
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
+from gyronorth.sensor.drawing import sensor_errors
+from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation.motion import DISTURBANCES, Motion, true_motion
-from gyronorth.simulation.noise import Law, draw, sensor_errors
 
 __all__ = ["DISTURBANCES", "Motion", "sensor_errors", "simulate", "simulate_batch"]
 
@@ -176,9 +177,9 @@ def _measure(
     signal = true @ np.swapaxes(matrix, -1, -2) + bias
     constant = errors.turn_on_bias * rng.standard_normal((runs, 3))
     if signal.shape[1] == 1:  # standing still
-        out = draw(Law.of(errors), shape, rate_hz, constant=constant + signal[:, 0], rng=rng)
+        out = NoiseLaw(errors).draw(shape, rate_hz, constant=constant + signal[:, 0], rng=rng)
     else:
-        out = draw(Law.of(errors), shape, rate_hz, constant=constant, rng=rng)
+        out = NoiseLaw(errors).draw(shape, rate_hz, constant=constant, rng=rng)
         out += signal
     if errors.saturation < np.inf:
         np.clip(out, -errors.saturation, errors.saturation, out=out)

@@ -19,7 +19,7 @@ from gyronorth.alignment.tones.evidence import (
 from gyronorth.alignment.tones.search import SETTLING_RATE, TIME_CONSTANT_BINS, TONE_RATE
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.sensor import TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 N, RATE_HZ = 90, 3.0
 WHITE = TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR)
@@ -32,7 +32,7 @@ def brute_force(errors, x, masked, frequencies, decay):
     """Log evidence of each axis with the covariance of everything unknown written out, mask by leaving out."""
     edges = np.arange(N + 1)
     time = (edges[:-1] + 0.5) / RATE_HZ
-    cov = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=RATE_HZ) + FLAT**2
+    cov = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=RATE_HZ) + FLAT**2
     for f in frequencies:
         wave = np.exp(2j * np.pi * f * time)
         cov = cov + TONE_RATE**2 / 2 * (np.outer(wave, wave.conj())).real

@@ -13,7 +13,7 @@ from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, cycli
 from gyronorth.attitude import mat_bn
 from gyronorth.earth import EARTH_RATE, earth_rate_n
 from gyronorth.sensor import TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation.disturbance import reference_set
 
 DEG = np.pi / 180
@@ -40,7 +40,7 @@ def test_evidence_and_estimate_agree_with_the_dense_gaussian(flicker):
     grid = room._grid(samples, rate_hz, errors)
     models = room._scan(grid, gyro, masked)
     edges, time = np.arange(samples + 1), (np.arange(samples) + 0.5) / rate_hz
-    noise = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    noise = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
     bins = np.array(room.TIME_CONSTANT_BINS)
     tau = (bins[1:] + bins[:-1]) / 2
     one, seen = np.ones(samples - 3), gyro[~masked]

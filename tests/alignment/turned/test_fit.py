@@ -17,7 +17,7 @@ from gyronorth.attitude import mean_rotation, rotation, rotation_vector
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation import Motion, sensor_errors, simulate_batch
 from gyronorth.uncertainty import rate_variance
 
@@ -100,7 +100,7 @@ def test_mean_rotation_is_the_average_along_the_turn():
 def test_covariance_of_one_mean_is_that_of_the_uncertainty_room():
     errors = TriadErrors(white=2e-6, flicker=5e-6, random_walk=3e-8)
     parts = rate_variance(errors, 50.0)
-    ours = mean_covariance(errors, [0], [500], rate_hz=10.0)[0, 0]
+    ours = NoiseLaw(errors).mean_covariance([0], [500], rate_hz=10.0)[0, 0]
     assert_allclose(ours, parts["noise"] + parts["drift"], rtol=1e-6)
 
 
@@ -110,7 +110,7 @@ def test_covariance_between_means_is_that_of_simulated_errors():
     drawn = sensor_errors(errors, (1500, 1200), 10.0, rng=np.random.default_rng(3))
     means = np.stack([drawn[:, a:b].mean(axis=1) for a, b in zip(first, last, strict=True)], axis=1)
     sample = np.einsum("rik,rjk->ij", means, means) / (3 * len(means))
-    expected = mean_covariance(errors, first, last, rate_hz=10.0)
+    expected = NoiseLaw(errors).mean_covariance(first, last, rate_hz=10.0)
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert np.abs((sample - expected) / scale).max() < 4.5 * np.sqrt(2 / 4500)  # 16 entries, 4500 draws
 

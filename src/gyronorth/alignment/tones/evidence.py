@@ -21,7 +21,7 @@ from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Mask
 from gyronorth.sensor import TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 #: Kinds of recording: prior probability, probability of a bump in it, whether its bias settles, and
 #: probabilities of no, one and two tones.
@@ -107,7 +107,7 @@ def _whitener(blocks: int, rate_hz: float, errors: TriadErrors) -> Array:
     recording that grows by a sample costs no new factorisation.
     """
     edges = np.arange(BLOCK * blocks + 1)
-    covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
     if np.count_nonzero(covariance) == BLOCK * blocks:
         return np.asarray(1 / np.sqrt(np.diag(covariance)), dtype=float)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)

@@ -14,7 +14,7 @@ horizontal rate, its vertical part is Earth's, both within the turn-on bias.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 
@@ -25,7 +25,7 @@ from gyronorth.angles import DEG_PER_HOUR, wrap, wrap_heading
 from gyronorth.arrays import Array, Index
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 #: Tones: lowest and highest frequency, Hz, and spacing x duration: 0.00125 Hz at 100 s.
 FREQUENCIES, SPACING = (0.008, 0.3), 0.125
@@ -89,11 +89,13 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
     latitude : float
         Geodetic latitude, rad.
     errors : TriadErrors, optional
-        Error terms of the gyro. Without them the white noise comes from neighbouring samples
-        and the turn-on bias is averaged over `UNKNOWN_BIAS`.
+        Error terms of the gyro. Without them the turn-on bias is averaged over `UNKNOWN_BIAS`; without white noise
+        that is read from neighbouring samples.
     """
     gyro_l = np.asarray(gyro_l, dtype=float)
-    known = errors if errors is not None else TriadErrors(white=white_of(gyro_l) / np.sqrt(rate_hz))
+    known = errors or TriadErrors()
+    if known.white == 0:
+        known = replace(known, white=white_of(gyro_l) / np.sqrt(rate_hz))
     biases = (known.turn_on_bias,) if errors is not None else UNKNOWN_BIAS
     grid = _grid(len(gyro_l), rate_hz, known)
     masked = _first_mask(gyro_l)
@@ -119,7 +121,7 @@ def white_of(gyro_l: Array) -> float:
 def _grid(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
     duration = samples / rate_hz
     edges = np.arange(samples + 1)
-    covariance = mean_covariance(errors, edges[:-1], edges[1:], rate_hz=rate_hz)
+    covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
     whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
     highest = min(FREQUENCIES[1], 0.4 * rate_hz)
     frequency = np.arange(FREQUENCIES[0], highest, SPACING / duration)

@@ -18,7 +18,7 @@ from gyronorth.alignment.turned.segments import BLOCK_ANGLE, Blocks, blocks_per_
 from gyronorth.attitude import mat_bn, mean_rotation, rotation
 from gyronorth.earth import earth_rate_n
 from gyronorth.sensor import Sensor
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 
 def turned_sigma(
@@ -59,7 +59,8 @@ def turned_sigma(
     for heading in np.arange(8) * np.pi / 4:
         blocks, state = _ideal(sensor, turns, heading, still_duration, turn_duration, latitude, accel)
         linear = linearise(blocks, state, sensor, latitude=latitude)
-        noise = linear.covariance(mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz))
+        law = NoiseLaw(sensor.gyro)
+        noise = linear.covariance(law.mean_covariance(blocks.first, blocks.last, rate_hz=blocks.rate_hz))
         known = prior(sensor, spins=0, bias_known=bias_known)
         gradient = heading_gradient(state.end)
         covariance = posterior(linear, regular(noise), known)[0][:3, :3]

@@ -33,7 +33,7 @@ from gyronorth.attitude import level, mat_bn, rotation
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 #: Least standard deviation of a mean rate, rad/s: a sensor without errors stays finite.
 RATE_FLOOR = 1e-12
@@ -109,8 +109,8 @@ def turned(
     latitude : float
         Geodetic latitude, rad.
     errors : Sensor, optional
-        Error model. Without it the white noise comes from the scatter within poses, the in-run
-        drift from the likelihood of the fit, and any turn-on bias is allowed.
+        Error model; a white noise of zero is read from the recording. Without a model the white noise comes from the
+        scatter within poses, the in-run drift from the likelihood of the fit, and any turn-on bias is allowed.
     turn_angles : array_like, shape (turns,), optional
         Angles of the turns between poses, rad, clockwise from above, as an index table gives
         them, good to `TURN_ANGLE_SIGMA`. Without it they come from the gyro.
@@ -140,10 +140,11 @@ def turned(
     per_stretch = blocks_per_stretch(len(segments.stretches), None if errors is None else errors.gyro)
     blocks = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=per_stretch)
     given = _given_angles(turn_angles, segments)
+    fine = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=4 * per_stretch)
     if errors is not None:
-        return _fit(blocks, errors, segments, latitude, given)[0]
+        return _fit(blocks, _with_noise(errors, blocks, fine), segments, latitude, given)[0]
     fits, start = [], None
-    for sensor in _candidates(blocks, cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=4 * per_stretch)):
+    for sensor in _candidates(blocks, fine):
         *fit, start = _fit(blocks, sensor, segments, latitude, given, start)
         fits.append(fit)
     return _averaged(fits)
@@ -245,9 +246,8 @@ class _Solution:
         gain = gradient @ self.gain[:3]
 
         def through_gyro(white: bool) -> float:
-            cov = mean_covariance(
-                sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz, white=white, drift=not white
-            )
+            law = NoiseLaw(sensor.gyro)
+            cov = law.mean_covariance(blocks.first, blocks.last, rate_hz=blocks.rate_hz, white=white, drift=not white)
             return float(gain @ self.linear.covariance(cov, own=False) @ gain)
 
         used = (self.known.sigma > 0) & (self.known.information > 0)
@@ -277,7 +277,7 @@ def _solve(
     start: State | None = None,
 ) -> _Solution:
     known = prior(sensor, spins=int(blocks.spin.max(initial=-1)) + 1, bias_known=bias_known)
-    gyro = mean_covariance(sensor.gyro, blocks.first, blocks.last, rate_hz=blocks.rate_hz)
+    gyro = NoiseLaw(sensor.gyro).mean_covariance(blocks.first, blocks.last, rate_hz=blocks.rate_hz)
     gyro = gyro + RATE_FLOOR**2 * np.eye(len(gyro))
     state, change = start or _first_guess(blocks, gyro, known, latitude), np.full(3, np.inf)
     for step in range(STEPS + 1):
@@ -377,6 +377,16 @@ def _candidates(blocks: Blocks, fine: Blocks) -> list[Sensor]:
     return [
         Sensor("inferred", replace(gyro, flicker=ratio * white / np.sqrt(longest)), accel) for ratio in UNKNOWN_FLICKER
     ]
+
+
+def _with_noise(sensor: Sensor, blocks: Blocks, fine: Blocks) -> Sensor:
+    """A profile that states no white noise takes that of the recording: nothing measures without any."""
+    gyro, accel = sensor.gyro, sensor.accel
+    if gyro.white == 0:
+        gyro = replace(gyro, white=_white(_scatter(blocks, blocks.gyro_b), _scatter(fine, fine.gyro_b)))
+    if accel.white == 0 and blocks.accel_b is not None:
+        accel = replace(accel, white=max(_scatter(blocks, blocks.accel_b)[0], QUIETEST_FORCE))
+    return replace(sensor, gyro=gyro, accel=accel)
 
 
 def _scatter(blocks: Blocks, values: Array) -> tuple[float, float]:

@@ -5,7 +5,7 @@ Measured mean rate of a block i of poses and turns, sensor errors as in `gyronor
     y_i = (1 + M) R_i^T w_n + b + G R_i^T f_n + x_i        R_i: attitude, body to navigation frame
     a_i = (1 + M_a) R_i^T f_n + b_a + x_a,i
 
-with noise x of known covariance between *all* blocks (`mean_covariance`). The attitudes are
+with noise x of known covariance between *all* blocks (`NoiseLaw.mean_covariance`). The attitudes are
 those of the end of the recording carried backwards through the turns by the gyro, whose
 errors x, b, M and G enter there too. Unknown are the attitude error phi (3) at the end, b, M,
 G, b_a, M_a, each with the prior of the sensor profile; a flat prior for phi. Linearised this
@@ -30,7 +30,7 @@ from gyronorth.arrays import Array
 from gyronorth.attitude import cross_matrix, mean_rotation, rotation, rotation_vector
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 #: A gyro-only pose is taken as level within this, rad (one standard deviation).
 LEVEL_SIGMA = 1e-3
@@ -310,7 +310,8 @@ def _block_diagonal(parts: list[Array]) -> Array:
 def _levelling(blocks: Blocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple[Array, Array]:
     """Covariance (3 k, 3 k) and means (k, 3) of the specific force; level poses without an accelerometer."""
     if blocks.accel_b is not None:
-        covariance = mean_covariance(sensor.accel, blocks.first[seen], blocks.last[seen], rate_hz=blocks.rate_hz)
+        law = NoiseLaw(sensor.accel)
+        covariance = law.mean_covariance(blocks.first[seen], blocks.last[seen], rate_hz=blocks.rate_hz)
         return np.kron(covariance, np.eye(3)).astype(float), blocks.accel_b[seen]
     place = np.where(blocks.spin[seen] >= 0, -1 - blocks.spin[seen], blocks.stretch[seen])
     same = (place[:, None] == place).astype(float)

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from gyronorth.arrays import Array
-from gyronorth.sensor import TriadErrors, flicker_components
+from gyronorth.sensor.model import TriadErrors, flicker_components
 
 #: A process is interpolated between knots no further apart than its time constant over this.
 KNOTS_PER_TIME_CONSTANT = 50
@@ -58,11 +58,11 @@ def sensor_errors(errors: TriadErrors, shape: tuple[int, int], rate_hz: float, *
         instant; the in-run bias is stationary from the first sample.
     """
     constant = errors.turn_on_bias * rng.standard_normal((shape[0], 3))
-    return draw(Law.of(errors), shape, rate_hz, constant=constant, rng=rng)
+    return draw(ProcessLaw.of(errors), shape, rate_hz, constant=constant, rng=rng)
 
 
 @dataclass(frozen=True)
-class Law:
+class ProcessLaw:
     """The random processes of one axis, in the unit u of its triad."""
 
     white: float  # N, u sqrt(s)
@@ -70,12 +70,14 @@ class Law:
     random_walk: float = 0.0  # K, u / sqrt(s)
 
     @classmethod
-    def of(cls, errors: TriadErrors) -> Law:
+    def of(cls, errors: TriadErrors) -> ProcessLaw:
         """White noise, in-run bias and random walk of a triad."""
         return cls(errors.white, tuple(zip(*flicker_components(errors), strict=True)), errors.random_walk)
 
 
-def draw(law: Law, shape: tuple[int, int], rate_hz: float, *, constant: Array, rng: np.random.Generator) -> Array:
+def draw(
+    law: ProcessLaw, shape: tuple[int, int], rate_hz: float, *, constant: Array, rng: np.random.Generator
+) -> Array:
     """Interval means of the processes of `law` plus a `constant` (runs, 3), u: shape (runs, samples, 3)."""
     runs, samples = shape
     out = np.empty((runs, samples, 3))
@@ -85,7 +87,7 @@ def draw(law: Law, shape: tuple[int, int], rate_hz: float, *, constant: Array, r
     return out
 
 
-def _fill(out: Array, law: Law, rate_hz: float, *, constant: Array, rng: np.random.Generator) -> None:
+def _fill(out: Array, law: ProcessLaw, rate_hz: float, *, constant: Array, rng: np.random.Generator) -> None:
     runs, samples, _ = out.shape
     stride, knots = _slow_part(law, (runs, samples), rate_hz, rng=rng)
     knots += constant[:, None]
@@ -122,7 +124,9 @@ def _stride(samples_per_time_constant: float) -> int:
     return 0 if longest < 1 else 2 ** int(np.log2(min(longest, _LONGEST_STRIDE)))
 
 
-def _slow_part(law: Law, shape: tuple[int, int], rate_hz: float, *, rng: np.random.Generator) -> tuple[int, Array]:
+def _slow_part(
+    law: ProcessLaw, shape: tuple[int, int], rate_hz: float, *, rng: np.random.Generator
+) -> tuple[int, Array]:
     """Sum of all slow processes at knots every `stride` samples: stride, (runs, knots, 3)."""
     runs, samples = shape
     levels: dict[int, Array] = {}
