@@ -82,7 +82,7 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
             "curve holds within one power-up session. Calibrate each on its own."
         )
     observed = [observe(recording, latitude) for recording in recordings]
-    places = np.array([recording.latitude if latitude is None else latitude for recording in recordings], dtype=float)
+    places = np.array([recording.latitude_given(latitude) for recording in recordings])
     if np.ptp(places) > LATITUDE_CONFLICT:
         raise InputError(
             f"The recordings are of latitudes {np.degrees(places.min()):.2f} to {np.degrees(places.max()):.2f} deg; "
@@ -122,13 +122,11 @@ def observe(recording: Recording, latitude: float | None) -> tuple[float, float,
     InputError
         If the recording has no true heading or no latitude.
     """
-    known = recording.latitude if latitude is None else latitude
     if recording.heading_true is None:
         raise InputError(
             f"{recording.source or 'A recording'} has no true heading, which calibration needs. "
             "Give it as `# heading_true_deg: ...` or in the name of a file of the published layout."
         )
-    if known is None:
-        raise InputError(f"{recording.source or 'A recording'} does not say its latitude. Pass --latitude DEG.")
+    known = recording.latitude_given(latitude)
     found = align_mean(recording.gyro_b, recording.accel_b)
     return float(found.heading), float(rate_surplus(found.rate_l, known)), recording.heading_true

@@ -18,7 +18,6 @@ and one set of recordings: elsewhere it corrects nothing.
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.angles import angle_error, wrap_heading
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
+from gyronorth.files import write_text
 
 SCHEMA = "gyronorth.deviation/1"
 #: Session of a model that its user applies to any recording of the unit.
@@ -142,11 +142,9 @@ class DeviationModel:
         }
 
     def write(self, path: str | Path) -> None:
-        """Write as JSON (schema gyronorth.deviation/1, radians), beside and then renamed."""
+        """Write as JSON (schema gyronorth.deviation/1, radians), whole or not at all."""
         fields = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
-        beside = Path(f"{path}.part")
-        beside.write_text(json.dumps({"schema": SCHEMA, **fields}) + "\n")
-        os.replace(beside, path)
+        write_text(path, json.dumps({"schema": SCHEMA, **fields}) + "\n")
 
 
 def read_deviation(path: str | Path) -> DeviationModel:

@@ -66,7 +66,16 @@ class DisturbanceFound:
 
     def to_json(self) -> dict[str, Any]:
         """The object `disturbance` of the JSON."""
-        return {**vars(self), "drift_probability": self.drift_probability}
+        return {
+            "sway_tones": self.sway_tones,
+            "settling": self.settling,
+            "tilt": self.tilt,
+            "walk": self.walk,
+            "masked_s": self.masked_s,
+            "residual_ratio": self.residual_ratio,
+            "explained": self.explained,
+            "drift_probability": self.drift_probability,
+        }
 
 
 @dataclass(frozen=True, repr=False)

@@ -79,29 +79,8 @@ class Recording:
         return len(self.gyro_b) / self.rate_hz
 
     def latitude_given(self, given: float | None) -> float:
-        """The latitude to work with, rad: the one given, or else that of the file.
-
-        Raises
-        ------
-        InputError
-            If neither is known, the given one is out of range, or the two differ by more than `LATITUDE_CONFLICT`.
-        """
-        if given is not None and not abs(given) <= np.pi / 2:
-            raise InputError(
-                f"The latitude is {given:g} rad, {np.degrees(given):g} deg; a value in [-90, 90] deg, given in rad, "
-                "is expected."
-            )
-        if given is None and self.latitude is None:
-            raise InputError(
-                "The latitude is not known: neither given nor in the file. Pass --latitude DEG (north positive); "
-                "Earth rate cannot be read without it."
-            )
-        if given is not None and self.latitude is not None and abs(given - self.latitude) > LATITUDE_CONFLICT:
-            raise InputError(
-                f"Latitude {np.degrees(given):.4f} deg was given, but {self.source or 'the recording'} says "
-                f"{np.degrees(self.latitude):.4f} deg; they differ by more than 0.1 deg. Correct one of them."
-            )
-        return float(self.latitude if given is None else given)  # type: ignore[arg-type]
+        """The latitude to work with, rad: see `chosen_latitude`."""
+        return chosen_latitude(given, self.latitude, self.source)
 
     def window(self, start: float, end: float) -> Recording:
         """The samples in [start, end) s, the start time and the gaps kept in step.
@@ -130,6 +109,33 @@ class Recording:
     def without_bias(self, gyro_bias_b: ArrayLike) -> Recording:
         """The recording with a known gyro bias (3,), rad/s in the body frame, subtracted."""
         return replace(self, gyro_b=self.gyro_b - np.asarray(gyro_bias_b, dtype=float))
+
+
+def chosen_latitude(given: float | None, stored: float | None, source: str) -> float:
+    """The latitude to work with, rad: the one given, or else that of the file. Every command chooses by this.
+
+    Raises
+    ------
+    InputError
+        If neither is known, the given one is out of range, or the two differ by more than `LATITUDE_CONFLICT`.
+    """
+    if given is not None and not abs(given) <= np.pi / 2:
+        raise InputError(
+            f"The latitude is {given:g} rad, {np.degrees(given):g} deg; a value in [-90, 90] deg, given in rad, "
+            "is expected."
+        )
+    if given is not None and stored is not None and abs(given - stored) > LATITUDE_CONFLICT:
+        raise InputError(
+            f"Latitude {np.degrees(given):.4f} deg was given, but {source or 'the recording'} says "
+            f"{np.degrees(stored):.4f} deg; they differ by more than 0.1 deg. Correct one of them."
+        )
+    known = stored if given is None else given
+    if known is None:
+        raise InputError(
+            "The latitude is not known: neither given nor in the file. Pass --latitude DEG (north positive); "
+            "Earth rate cannot be read without it."
+        )
+    return float(known)
 
 
 def window_samples(start: float, end: float, *, rate_hz: float, samples: int) -> tuple[int, int]:

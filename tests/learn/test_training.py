@@ -22,7 +22,7 @@ from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa
 from gyronorth.learn.run import run_training  # noqa: E402
 from gyronorth.learn.settings import Settings, baseline, paper, read_settings, write_settings  # noqa: E402
 from gyronorth.learn.stages import Run, train_denoiser, train_heading  # noqa: E402
-from gyronorth.learn.training import Task, decay, fit, write_atomically  # noqa: E402
+from gyronorth.learn.training import Task, decay, fit  # noqa: E402
 
 TINY = Settings.model_validate(
     {
@@ -248,19 +248,6 @@ def test_a_checkpoint_of_other_data_is_refused(tmp_path):
     other = replace(data(), train=recordings(6, seed=1))
     with pytest.raises(InputError, match="other settings, data"):
         train_heading(changed(TINY, heading={"denoised": False}), other, None, run=Run(tmp_path))
-
-
-def test_a_write_that_fails_leaves_the_old_file(tmp_path):
-    path = tmp_path / "checkpoint"
-    write_atomically(path, lambda beside: beside.write_text("old"))
-
-    def half(beside):
-        beside.write_text("half")
-        raise OSError("disk full")
-
-    with pytest.raises(OSError, match="disk full"):
-        write_atomically(path, half)
-    assert path.read_text() == "old"
 
 
 class Killed(BaseException):

@@ -16,12 +16,12 @@ from pynmeagps import NMEAReader
 
 from gyronorth.allan import allan_deviation
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, DisturbanceFound, HeadingEstimate, Pose, Turn
 from gyronorth.findings import Finding
 from gyronorth.report import figures, nmea, tables, terminal, wording
 from gyronorth.report.html import heading_page
 from gyronorth.report.tables import Outcome
-from gyronorth.report.writing import written_beside
 
 VALID = HeadingEstimate(
     heading=radians(40.31),
@@ -148,26 +148,10 @@ class TestTables:
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(csv.DictWriter, "writerows", fail)
-        with pytest.raises(OSError, match="No space left"):
+        with pytest.raises(InputError, match=r"out\.csv cannot be written: No space left"):
             tables.write_csv([Outcome("a", VALID)], path)
         assert path.read_text() == "before"
         assert [entry.name for entry in tmp_path.iterdir()] == ["out.csv"]
-
-
-class TestWriting:
-    def test_symbolic_link_keeps_pointing(self, tmp_path):
-        target, link = tmp_path / "target.txt", tmp_path / "link.txt"
-        link.symlink_to(target)
-        with written_beside(link) as part:
-            part.write_text("new")
-        assert link.is_symlink()
-        assert target.read_text() == "new"
-
-    def test_device_is_written_directly(self):
-        from pathlib import Path
-
-        with written_beside(Path("/dev/null")) as part:
-            assert str(part) == "/dev/null"
 
 
 class TestTerminal:

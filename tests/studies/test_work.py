@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from gyronorth.cli import app
 from gyronorth.errors import InputError
-from gyronorth.report.writing import no_empty_folder
+from gyronorth.files import no_empty_folder
 from gyronorth.studies.benchmark import run_benchmark, studies_of
 from gyronorth.studies.study import Plan
 from gyronorth.studies.work import Unit, data_sha256, executor_on, run_units

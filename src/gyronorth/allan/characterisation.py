@@ -23,7 +23,7 @@ from gyronorth.arrays import Array
 from gyronorth.attitude import level, mat_lb
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.errors import InputError
-from gyronorth.recording import Recording
+from gyronorth.recording import Recording, chosen_latitude
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import MILLI_G, TERMS
 
@@ -121,7 +121,8 @@ def characterise(
         recording = at_rest(recording)
     if recording.gaps:
         raise InputError(_gap_message(recording))
-    latitude = recording.latitude if latitude is None else latitude
+    if latitude is not None or recording.latitude is not None:
+        latitude = chosen_latitude(latitude, recording.latitude, recording.source)
     axes = 3 if recording.accel is None else 6
     measured = []
     for axis in range(axes):

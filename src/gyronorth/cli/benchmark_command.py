@@ -34,8 +34,8 @@ def benchmark(
 
     An interrupted run is continued; a unit that is finished is not run again.
     """
+    from gyronorth.files import no_empty_folder
     from gyronorth.report.study_figures import write_study_figures
-    from gyronorth.report.writing import no_empty_folder
     from gyronorth.studies.benchmark import run_benchmark, studies_of
     from gyronorth.studies.study import Plan
 

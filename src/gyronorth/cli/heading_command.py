@@ -181,8 +181,8 @@ def _file(
 
 def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Path | None, report: Path | None) -> None:
     from gyronorth import pipeline
+    from gyronorth.files import write_text
     from gyronorth.report import figures
-    from gyronorth.report.writing import written_beside
 
     estimate = outcome.estimate
     if estimate is None:
@@ -203,8 +203,7 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
         from gyronorth.report.html import heading_page
 
         page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, recording, request))
-        with written_beside(report) as part:
-            part.write_text(page, encoding="utf-8", errors="backslashreplace")  # a file name may be no UTF-8
+        write_text(report, page, errors="backslashreplace")  # a file name may be no UTF-8
 
 
 def _along_time(estimate: HeadingEstimate) -> str:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
 import sys
 import warnings
 from collections.abc import Callable
@@ -26,6 +24,7 @@ from gyronorth.alignment.networks.bundle import Bundle, Domain, ProposalPart, ch
 from gyronorth.alignment.networks.runtime import load_bundle, solve
 from gyronorth.alignment.tones.evidence import network_axes
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, cyclic_rmse
+from gyronorth.files import folder_beside
 from gyronorth.learn.proposal import Proposal
 from gyronorth.learn.training import Progress, Task, fit, torch_threads
 from gyronorth.sensor import TriadErrors
@@ -201,34 +200,32 @@ def make_bundle(
     training.mkdir(parents=True, exist_ok=True)
     with torch_threads(1):
         network, progress = train(settings, checkpoint=training / "proposal.pt", report=report)
-    part = folder.with_name(folder.name + ".part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    export_proposal(network, part / "proposal.onnx", rate_hz=settings.rate_hz)
-    bundle = Bundle(
-        method="learned",
-        layout="temporal",
-        domain=Domain(rate_hz=settings.rate_hz, samples=min(settings.samples), longest_samples=max(settings.samples)),
-        proposal=ProposalPart(sha256=checksum(part / "proposal.onnx")),
-        training=json.loads(json.dumps(asdict(settings))),
-        metrics={"epochs": float(progress.epoch), "validation_loss": progress.best},
-        provenance={
-            "torch": torch.__version__,
-            "data": "synthetic: gyronorth.simulation.disturbance, drawn afresh for each batch",
-        },
-    )
-    (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
-    scale, metrics = calibrated_scale(part, settings)
-    bundle = bundle.model_copy(
-        update={
-            "proposal": bundle.proposal.model_copy(update={"sigma_scale": scale}) if bundle.proposal else None,
-            "metrics": {**bundle.metrics, **metrics},
-        }
-    )
-    (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
-    (part / "README.md").write_text(model_card(bundle, settings), encoding="utf-8")
-    shutil.rmtree(folder, ignore_errors=True)
-    os.replace(part, folder)
+    with folder_beside(folder) as part:
+        export_proposal(network, part / "proposal.onnx", rate_hz=settings.rate_hz)
+        bundle = Bundle(
+            method="learned",
+            layout="temporal",
+            domain=Domain(
+                rate_hz=settings.rate_hz, samples=min(settings.samples), longest_samples=max(settings.samples)
+            ),
+            proposal=ProposalPart(sha256=checksum(part / "proposal.onnx")),
+            training=json.loads(json.dumps(asdict(settings))),
+            metrics={"epochs": float(progress.epoch), "validation_loss": progress.best},
+            provenance={
+                "torch": torch.__version__,
+                "data": "synthetic: gyronorth.simulation.disturbance, drawn afresh for each batch",
+            },
+        )
+        (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
+        scale, metrics = calibrated_scale(part, settings)
+        bundle = bundle.model_copy(
+            update={
+                "proposal": bundle.proposal.model_copy(update={"sigma_scale": scale}) if bundle.proposal else None,
+                "metrics": {**bundle.metrics, **metrics},
+            }
+        )
+        (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
+        (part / "README.md").write_text(model_card(bundle, settings), encoding="utf-8")
     return bundle
 
 

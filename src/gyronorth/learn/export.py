@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import warnings
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,6 +15,7 @@ from gyronorth.alignment.networks.bundle import Bundle, DenoiserPart, DeviationP
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.deviation import DeviationModel, fit_deviation, rate_surplus
 from gyronorth.errors import InputError
+from gyronorth.files import folder_beside
 from gyronorth.learn.data import TrainingData, noise_deg_s
 from gyronorth.learn.regressor import precise
 from gyronorth.learn.settings import Settings
@@ -50,48 +49,44 @@ def export_bundle(
     settings = trained.settings
     folder = Path(folder)
     layout = check_export(folder, settings)
-    part = folder.with_name(folder.name + ".part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    denoiser_part = heading_part = None
-    if denoiser is not None:
-        x, t = torch.zeros(1, settings.samples, 3), torch.ones(1, dtype=torch.int64)
-        _export(denoiser.network, {"x": x, "t": t}, "noise", part / "denoiser.onnx")
-        denoiser_part = DenoiserPart(
-            sha256=checksum(part / "denoiser.onnx"),
-            schedule=settings.schedule,
-            sampler=settings.sampler,
-            normalisation=denoiser.normalisation,
+    with folder_beside(folder) as part:
+        denoiser_part = heading_part = None
+        if denoiser is not None:
+            x, t = torch.zeros(1, settings.samples, 3), torch.ones(1, dtype=torch.int64)
+            _export(denoiser.network, {"x": x, "t": t}, "noise", part / "denoiser.onnx")
+            denoiser_part = DenoiserPart(
+                sha256=checksum(part / "denoiser.onnx"),
+                schedule=settings.schedule,
+                sampler=settings.sampler,
+                normalisation=denoiser.normalisation,
+            )
+        if heading is not None:
+            rate = torch.zeros(1, settings.samples, 3, dtype=torch.float64)
+            _export(precise(heading.network), {"rate": rate}, "heading", part / "heading.onnx")
+            heading_part = HeadingPart(sha256=checksum(part / "heading.onnx"), output=settings.heading.output)
+        curve, deviation_part = _deviation(data), None
+        if curve is not None:
+            curve.write(part / "deviation.json")
+            deviation_part = DeviationPart(sha256=checksum(part / "deviation.json"))
+        bundle = Bundle(
+            method="denoiser" if heading is None else "paper" if denoiser is not None else "baseline",
+            layout=layout,
+            domain=_domain(settings, data),
+            denoiser=denoiser_part,
+            heading=heading_part,
+            deviation=deviation_part,
+            training=settings.model_dump(mode="json"),
+            data_sha256={} if data is None else {"train": data.train.sha256(), "validation": data.validation.sha256()},
+            metrics=_metrics(denoiser, heading, data, curve),
+            provenance={
+                "gyronorth": _version("gyronorth"),
+                "torch": torch.__version__,
+                "data": data.source if data else "synthetic",
+                **({"no_deviation": data.no_swing} if data and data.no_swing else {}),
+            },
         )
-    if heading is not None:
-        rate = torch.zeros(1, settings.samples, 3, dtype=torch.float64)
-        _export(precise(heading.network), {"rate": rate}, "heading", part / "heading.onnx")
-        heading_part = HeadingPart(sha256=checksum(part / "heading.onnx"), output=settings.heading.output)
-    curve, deviation_part = _deviation(data), None
-    if curve is not None:
-        curve.write(part / "deviation.json")
-        deviation_part = DeviationPart(sha256=checksum(part / "deviation.json"))
-    bundle = Bundle(
-        method="denoiser" if heading is None else "paper" if denoiser is not None else "baseline",
-        layout=layout,
-        domain=_domain(settings, data),
-        denoiser=denoiser_part,
-        heading=heading_part,
-        deviation=deviation_part,
-        training=settings.model_dump(mode="json"),
-        data_sha256={} if data is None else {"train": data.train.sha256(), "validation": data.validation.sha256()},
-        metrics=_metrics(denoiser, heading, data, curve),
-        provenance={
-            "gyronorth": _version("gyronorth"),
-            "torch": torch.__version__,
-            "data": data.source if data else "synthetic",
-            **({"no_deviation": data.no_swing} if data and data.no_swing else {}),
-        },
-    )
-    (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
-    (part / "README.md").write_text(model_card(bundle), encoding="utf-8")
-    shutil.rmtree(folder, ignore_errors=True)
-    os.replace(part, folder)
+        (part / "bundle.json").write_text(bundle.to_json(), encoding="utf-8")
+        (part / "README.md").write_text(model_card(bundle), encoding="utf-8")
     return bundle
 
 

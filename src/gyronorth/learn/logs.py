@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from gyronorth.learn.training import Progress, write_atomically
+from gyronorth.files import write_text
+from gyronorth.learn.training import Progress
 
 
 @contextmanager
@@ -52,7 +53,7 @@ def _files(folder: Path, name: str) -> Iterator[Callable[[Progress], None]]:
             if path.is_file() and progress.epoch:
                 before.update(_complete_lines(path))
             kept = [before.get(epoch) or line(epoch, progress) for epoch in range(1, progress.epoch + 1)]
-            write_atomically(path, lambda beside: beside.write_text("".join(kept), encoding="utf-8"))
+            write_text(path, "".join(kept))
             writer = SummaryWriter(str(folder / "tensorboard" / name), purge_step=progress.epoch + 1)
             return
         with open(path, "a", encoding="utf-8") as handle:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gyronorth.alignment.networks.diffusion import Normalisation, denoise
 from gyronorth.alignment.networks.runtime import decode
 from gyronorth.earth import EARTH_RATE
+from gyronorth.files import written_beside
 from gyronorth.learn.data import HeadingSet, TrainingData, augment, split_recordings, synthetic_set
 from gyronorth.learn.denoiser import Denoiser, predictor
 from gyronorth.learn.logs import training_log
@@ -24,7 +25,7 @@ from gyronorth.learn.recurrent import initialised
 from gyronorth.learn.regressor import HeadingNetwork, crmse_deg, precise
 from gyronorth.learn.settings import Settings
 from gyronorth.learn.spectral_loss import spectral_loss
-from gyronorth.learn.training import Progress, Task, decay, fit, torch_threads, write_atomically
+from gyronorth.learn.training import Progress, Task, decay, fit, torch_threads
 
 Array = NDArray[np.float64]
 
@@ -250,7 +251,8 @@ def _inputs(
     if path is not None:
         buffer = io.BytesIO()
         np.savez(buffer, np.array(fingerprint), *clean)
-        write_atomically(path, lambda beside: beside.write_bytes(buffer.getbuffer()))
+        with written_beside(path, durable=True) as beside:
+            beside.write_bytes(buffer.getbuffer())
     return [_network_input(one) for one in clean]
 
 

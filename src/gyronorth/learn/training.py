@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from gyronorth.errors import InputError
+from gyronorth.files import written_beside
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,8 @@ def fit(
                 "progress": vars(progress),
                 "fingerprint": fingerprint,
             }
-            write_atomically(checkpoint, lambda path, state=state: torch.save(state, path))
+            with written_beside(checkpoint, durable=True) as beside:
+                torch.save(state, beside)
         if report is not None:
             report(progress)
     network.load_state_dict(best)
@@ -141,15 +142,6 @@ def read_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
             "another output folder."
         )
     return state
-
-
-def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` make a file beside `path`, force it to disk, and rename it: it is there whole or not at all."""
-    beside = path.with_name(path.name + ".part")
-    write(beside)
-    with open(beside, "rb+") as handle:
-        os.fsync(handle.fileno())
-    os.replace(beside, path)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from nicegui import events, ui
 
+from gyronorth.errors import InputError
 from gyronorth.live import drawing, wording
 from gyronorth.live.reporting import write_report
 from gyronorth.live.session import Session
@@ -129,8 +130,8 @@ class _Actions:
         status = session.status
         try:
             report = await asyncio.to_thread(write_report, status, session.settings)
-        except OSError as error:
-            ui.notify(f"The report cannot be written: {error}", type="negative", position="top")
+        except InputError as error:
+            ui.notify(f"The report is not written. {error}", type="negative", position="top")
             return
         links = [f'<a href="{REPORT_URL}" target="_blank">{escape(report.name if report else "report")}</a>']
         if status.recording is not None and status.recording_bytes:

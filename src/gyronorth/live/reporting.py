@@ -7,11 +7,11 @@ from pathlib import Path
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.estimate import Convergence
+from gyronorth.files import write_text
 from gyronorth.live.session import Settings
 from gyronorth.live.status import Status
 from gyronorth.report.html import heading_page
 from gyronorth.report.tables import Outcome
-from gyronorth.report.writing import written_beside
 
 
 def report_text(status: Status, settings: Settings) -> str | None:
@@ -36,8 +36,7 @@ def write_report(status: Status, settings: Settings) -> Path | None:
     if text is None or status.recording is None:
         return None
     path = report_path(status.recording)
-    with written_beside(path) as part:
-        part.write_text(text, encoding="utf-8", errors="backslashreplace")
+    write_text(path, text, errors="backslashreplace")
     return path
 
 

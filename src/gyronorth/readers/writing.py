@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -11,6 +10,7 @@ from tempfile import TemporaryFile
 import numpy as np
 
 from gyronorth.errors import InputError
+from gyronorth.files import written_beside
 from gyronorth.readers.hdf5 import write_hdf5
 from gyronorth.readers.mcap import write_mcap
 from gyronorth.readers.npz import write_npz
@@ -43,18 +43,11 @@ def write_chunks(chunks: Iterable[Recording], path: str | Path) -> None:
     if writer is None:
         *others, last = WRITERS
         raise InputError(f"{path.name}: a recording is written as {', '.join(others)} or {last}.")
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    outgoing = Outgoing(chunks)
+    outgoing.texts()  # a fact that cannot be written is told before the work
     try:
-        try:
-            outgoing = Outgoing(chunks)
-            outgoing.texts()  # a fact that cannot be written is told before the work
-            beside.touch()
+        with written_beside(path, durable=True) as beside:
             writer(outgoing, beside)
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
     except RuntimeError as error:  # HDF5, on a full disk
         raise InputError(f"{path} cannot be written: {str(error)[:200]}") from None
 

@@ -20,8 +20,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from gyronorth.angles import DEG_PER_HOUR, wrap
 from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.files import written_beside
 from gyronorth.report.wording import duration_text, part_name
-from gyronorth.report.writing import written_beside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

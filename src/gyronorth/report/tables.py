@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gyronorth.report.writing import written_beside
+from gyronorth.files import written_beside
 
 if TYPE_CHECKING:
     from gyronorth.estimate import HeadingEstimate

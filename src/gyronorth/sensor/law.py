@@ -303,7 +303,7 @@ class NoiseLaw:
 @lru_cache(maxsize=64)
 def _detrended(errors: TriadErrors, duration: float) -> tuple[float, float]:
     blocks, block = 100, duration / 100
-    edges = np.arange(blocks + 1) * block
+    edges: Array = np.arange(blocks + 1, dtype=float) * block
     covariance = np.zeros((blocks, blocks))
     for term in TERMS:
         if term.field != "quantisation" and getattr(errors, term.field) > 0:

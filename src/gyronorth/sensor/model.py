@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.files import write_text
 
 #: Shortest time constant of the in-run bias, s: below it white noise hides flicker.
 FLICKER_SHORTEST = 0.1
@@ -140,16 +141,15 @@ def write_sensor(sensor: Sensor, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     InputError
-        If the sensor is none that a profile may describe (a negative or absurd figure, no name).
+        If the sensor is none that a profile may describe (a negative or absurd figure, no name),
+        or the file cannot be written.
     """
     from gyronorth.sensor import profiles
 
     target = Path(path)
     text = profiles.compose(dataclasses.asdict(sensor))
     profiles.parse(text, where=f"The sensor to be written to {target}")
-    beside = target.with_name(f"{target.name}.{os.getpid()}.part")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(target)
+    write_text(target, text)
 
 
 def _read_text(path: Path) -> str:

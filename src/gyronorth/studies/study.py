@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
+from gyronorth.files import write_text
 from gyronorth.studies.source import described, recordings_of
 from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Result, Unit, commit, data_sha256, write_json
@@ -98,8 +99,5 @@ def write_study(study: Study, plan: Plan, results: Mapping[str, Result], folder:
         f"Made by {origin}.",
         "",
     ]
-    path = folder / f"{study.name}.md"
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_text("\n".join(parts), encoding="utf-8")
-    beside.replace(path)
+    write_text(folder / f"{study.name}.md", "\n".join(parts))
     return report

@@ -1,0 +1,143 @@
+"""The JSON documents that commands print, as types. `gyronorth.schemas` holds the JSON Schema made of each.
+
+A field is never taken away or given another meaning within one version of a schema; new fields come at the end.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from typing_extensions import TypedDict
+
+
+class FindingDocument(TypedDict):
+    """A reason or a warning."""
+
+    code: str
+    message: str
+    value: float | None
+    limit: float | None
+
+
+class PoseDocument(TypedDict):
+    """A stretch of standing still."""
+
+    start_s: float
+    end_s: float
+    heading_deg: float | None
+
+
+class DisturbanceDocument(TypedDict):
+    """What a method that models disturbance found."""
+
+    sway_tones: float
+    settling: float
+    tilt: float | None
+    walk: float | None
+    masked_s: float
+    residual_ratio: float
+    explained: bool
+    drift_probability: float
+
+
+class HeadingDocument(TypedDict):
+    """`gyronorth heading --json`."""
+
+    schema: Literal["gyronorth.heading/1"]
+    heading_deg: float | None
+    sigma_deg: float | None
+    interval95_deg: list[float]
+    valid: bool
+    reasons: list[FindingDocument]
+    warnings: list[FindingDocument]
+    method: str
+    method_reason: str
+    bundle: str | None
+    roll_deg: float | None
+    pitch_deg: float | None
+    latitude_deg: float | None
+    sensor: str | None
+    duration_s: float
+    rate_hz: float
+    end_time_utc: str | None
+    poses: list[PoseDocument]
+    sigma_parts_deg: dict[str, float | None]
+    gyro_bias_deg_h: list[float] | None
+    rate_mean_deg_h: list[float]
+    rate_norm_deg_h: float
+    implied_latitude_deg: float | None
+    gyro_bias_sigma_deg_h: list[float] | None
+    scale_factor_ppm: list[float] | None
+    scale_factor_sigma_ppm: list[float] | None
+    disturbance: DisturbanceDocument | None
+
+
+class PlanDocument(TypedDict):
+    """`gyronorth plan --json`, without its optional list `turns`."""
+
+    schema: Literal["gyronorth.plan/1"]
+    sensor: str
+    latitude_deg: float
+    method: str
+    useful_duration_s: float | None
+    shortest_duration_s: float | None
+    least_sigma_deg: float
+    duration_s: list[float]
+    sigma_deg: list[float]
+    half_width95_deg: list[float]
+    sigma_parts_deg: dict[str, list[float]]
+    latitudes_deg: list[float]
+    sigma_by_latitude_deg: list[list[float]]
+
+
+class SwingRow(TypedDict):
+    """One recording of a compass swing."""
+
+    heading_true_deg: float
+    error_deg: float
+    left_out_error_deg: float
+    left_out_sigma_deg: float
+
+
+class CalibrationDocument(TypedDict):
+    """`gyronorth calibrate --json`."""
+
+    schema: Literal["gyronorth.calibration/1"]
+    recordings: int
+    session: str | None
+    crmse_deg: float
+    left_out_crmse_deg: float
+    ratio: float
+    curve_probability: float
+    rows: list[SwingRow]
+
+
+class TermDocument(TypedDict):
+    """One identified error term."""
+
+    value: float | None
+    low: float
+    high: float
+    status: str
+
+
+class AllanDocument(TypedDict):
+    """`gyronorth allan --json`; `gyro` and `accel` hold curves and terms under keys with units."""
+
+    schema: Literal["gyronorth.allan/1"]
+    source: str
+    duration_s: float
+    rate_hz: float
+    gyro: dict[str, object]
+    accel: dict[str, object] | None
+    turn_on_bias_deg_h: float
+    notes: list[str]
+
+
+#: Name of a schema -> the type of its document.
+DOCUMENTS: dict[str, type] = {
+    "heading-1": HeadingDocument,
+    "plan-1": PlanDocument,
+    "calibration-1": CalibrationDocument,
+    "allan-1": AllanDocument,
+}
