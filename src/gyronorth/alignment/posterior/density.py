@@ -75,7 +75,7 @@ def mixture(centre: Array, concentration: Array, weight: Array) -> Density:
 
 def _read(mass: Array, mean: float, reach: float, step: float) -> Density:
     mass = mass / mass.sum()
-    grid = (np.arange(POINTS) + 0.5) * step - reach
+    grid = np.asarray((np.arange(POINTS) + 0.5) * step - reach, dtype=float)
     middle = float(np.arctan2(mass @ np.sin(grid), mass @ np.cos(grid)))
     if reach == np.pi:  # turn the circle so that its cut lies opposite the mean
         shift = round(middle / step)

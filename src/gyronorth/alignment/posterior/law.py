@@ -15,10 +15,10 @@ import numpy as np
 
 from gyronorth.alignment.posterior.blocks import COUNT
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import mean_covariance
+from gyronorth.sensor.law import NoiseLaw
 
 #: In-run drift over the profile's, and the prior of each.
 DRIFTS = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -27,21 +27,25 @@ DRIFT_PRIOR = (0.04, 0.06, 0.78, 0.08, 0.04)
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
 #: Probability of broadband motion, with and without an accelerometer that would show it.
-SWAY, SWAY_UNSEEN = 0.15, 0.06
+SWAY, SWAY_UNSEEN = 0.10, 0.05
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
-TILT, TILT_UNSEEN = 0.10, 0.03
+TILT, TILT_UNSEEN = 0.06, 0.03
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.06, (1.0, 3.0, 10.0, 30.0)
+SETTLING, SETTLING_SIZES = 0.05, (1.0, 3.0, 10.0, 30.0)
 SETTLING_SIZE_PRIOR = (0.4, 0.3, 0.2, 0.1)
+#: Time constants up to this, s, and their share of the prior.
+FAST, FAST_SHARE = 120.0, 0.6
 #: Walking bias: probability, and rate at the end over the profile's bias.
 WALK, WALK_SIZES, WALK_MODES = 0.02, (3.0, 10.0), 6
 #: Yaw of the platform: rms, rad, and correlation time over the duration.
 YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
 YAW_TIMES = (0.04, 1.0)
+#: Rotation of a bump, rad.
+BUMP_ANGLE = np.radians(0.1)
 #: Points of a block at which the motion is integrated, and least noise of a mean rate, rad/s.
 FINE, FLOOR = 8, 1e-12
 #: Tilt of which nothing is known, rad: the constant of the accelerometer's tilt.
@@ -54,11 +58,16 @@ class Shapes:
 
     gyro: Array  # (COUNT, c) rate of each column, unit amplitude
     trace: Array  # (COUNT, c) the same in the integrated rate less the tilt: nothing of a motion
-    column: Array  # (s,) column of each shape, -1 for none
+    column: Index  # (s,) column of each shape, -1 for none
     size: Array  # (s,) amplitude, one standard deviation
-    tilts: Array  # (s,) whether it is a tilt: horizontal axes only
+    tilts: Mask  # (s,) whether it is a tilt: horizontal axes only
     log_prior: Array  # (s,)
     kind: tuple[str, ...]  # (s,)
+
+    @property
+    def settles(self) -> Mask:
+        """Where it is a bias that settles."""
+        return np.array([kind == "settling" for kind in self.kind])
 
 
 @dataclass(frozen=True)
@@ -81,31 +90,39 @@ class Law:
 
     horizontal: Axis  # d = COUNT, or twice that with an accelerometer; bases drift x motion
     vertical: Axis  # d = COUNT; bases drift x yaw
-    drift: Array  # (b,) number of the drift of each horizontal base
+    drift: Index  # (b,) number of the drift of each horizontal base
     sway: Array  # (b,) rad rms of its motion, 0 for none
     log_prior: Array  # (b,) of its motion
-    yaw_drift: Array  # (v,)
+    yaw_drift: Index  # (v,)
     yaw_log_prior: Array  # (v,)
     shapes: Shapes
     bias: float  # turn-on and in-run bias of the profile, rad/s
 
 
 @lru_cache(maxsize=32)
-def law(seconds: float, sensor: Sensor, *, accel: bool) -> Law:
-    """The law of recordings of `COUNT` blocks of so many seconds."""
+def law(seconds: float, sensor: Sensor, *, accel: bool, bumped: tuple[int, ...] = ()) -> Law:
+    """The law of recordings of `COUNT` blocks of so many seconds, some of which hold bumps."""
+    return law_of(seconds, sensor, accel=accel, bumped=bumped)
+
+
+def law_of(
+    seconds: float, sensor: Sensor, *, accel: bool, bumped: tuple[int, ...] = (), white: Array | None = None
+) -> Law:
+    """The same with another covariance of the block means' white noise, (COUNT, COUNT), where there are no forces."""
     gyro, duration = sensor.gyro, seconds * COUNT
-    scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-9)
+    scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
     shapes = _shapes(seconds, scale, accel=accel)
-    both = _operators(seconds, accel=accel)
-    fine = np.arange(FINE * COUNT + 1)
-    white = mean_covariance(gyro, fine[:-1], fine[1:], rate_hz=FINE / seconds, drift=False)
-    noise = [both @ (white + drift) @ both.T for drift in (_drift(gyro, factor, seconds) for factor in DRIFTS)]
+    both = block_operators(seconds, accel=accel)
+    if white is None:
+        white = both @ _white(gyro, seconds) @ both.T
+    noise = [white + _drift(gyro, factor, seconds, accel=accel) for factor in DRIFTS]
     for own in noise:
         own[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
+        own[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
     if accel:
         edges = np.arange(COUNT + 1)
         level = replace(sensor.accel, turn_on_bias=0.0)
-        force = mean_covariance(level, edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
+        force = NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
         for own in noise:
             own[COUNT:, COUNT:] += force + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
     some = SWAY if accel else SWAY_UNSEEN
@@ -137,23 +154,30 @@ def law(seconds: float, sensor: Sensor, *, accel: bool) -> Law:
     )
 
 
-def _drift(gyro: TriadErrors, factor: float, seconds: float) -> Array:
+def _white(gyro: TriadErrors, seconds: float) -> Array:
+    fine = np.arange(FINE * COUNT + 1)
+    return NoiseLaw(gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, drift=False)
+
+
+@lru_cache(maxsize=64)
+def _drift(gyro: TriadErrors, factor: float, seconds: float, *, accel: bool) -> Array:
     """Covariance of the in-run drift, `factor` times the profile's; of a profile without any, in units of its bias."""
     fine = np.arange(FINE * COUNT + 1)
     errors = replace(gyro, flicker=gyro.flicker * factor, random_walk=gyro.random_walk * factor)
     if gyro.flicker == 0 and gyro.random_walk == 0 and factor > 1:
         errors = replace(errors, flicker=factor * max(0.1 * gyro.turn_on_bias, 0.02 * gyro.white / np.sqrt(seconds)))
-    return mean_covariance(errors, fine[:-1], fine[1:], rate_hz=FINE / seconds, white=False)
+    both = block_operators(seconds, accel=accel)
+    return both @ NoiseLaw(errors).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, white=False) @ both.T
 
 
 @lru_cache(maxsize=8)
-def _operators(seconds: float, *, accel: bool) -> Array:
+def block_operators(seconds: float, *, accel: bool) -> Array:
     """From means over `FINE` parts of each block to block means of the rate, then of its integral."""
-    mean = np.kron(np.eye(COUNT), np.full(FINE, 1 / FINE))
+    mean: Array = np.asarray(np.kron(np.eye(COUNT), np.full(FINE, 1 / FINE)), dtype=float)
     if not accel:
         return mean
     integral = (np.tri(FINE * COUNT) - 0.5 * np.eye(FINE * COUNT)) * seconds / FINE
-    return np.concatenate([mean, mean @ integral])
+    return np.concatenate([mean, np.asarray(mean @ integral, dtype=float)])
 
 
 def _added(own: Array, moved: Array) -> Array:
@@ -182,7 +206,7 @@ def _walk_modes(seconds: float) -> Array:
 
 def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
     duration = seconds * COUNT
-    edges = np.arange(COUNT + 1) * seconds
+    edges = np.asarray(np.arange(COUNT + 1) * seconds, dtype=float)
     gyro, trace = [], []
     column, size, tilts, prior, kind = [-1], [0.0], [False], [0.0], ["none"]
     some = TILT if accel else TILT_UNSEEN
@@ -208,7 +232,7 @@ def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
             column.append(number)
             size.append(factor * scale)
             tilts.append(False)
-            prior.append(np.log(SETTLING / len(SETTLING_TIMES) * share))
+            prior.append(np.log(SETTLING * settling_share(tau) * share))
             kind.append("settling")
     for factor in WALK_SIZES:
         column.append(-1)
@@ -228,9 +252,15 @@ def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
     )
 
 
+def settling_share(tau: float) -> float:
+    """Prior of a time constant: most are of up to two minutes, the rest of up to an hour."""
+    fast = sum(one <= FAST for one in SETTLING_TIMES)
+    return FAST_SHARE / fast if tau <= FAST else (1 - FAST_SHARE) / (len(SETTLING_TIMES) - fast)
+
+
 def _axis(covariances: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float) -> Axis:
     factor = np.linalg.cholesky(covariances)
-    whiten = np.linalg.inv(factor)
+    whiten: Array = np.asarray(np.linalg.inv(factor), dtype=float)
     constant, columns, modes = np.ones(COUNT), gyro, walk
     if trace is not None:
         integral = (np.tri(COUNT) - 0.5 * np.eye(COUNT)) * seconds

@@ -2,31 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gyronorth.alignment.posterior.blocks import Blocks, blocks_of
+from gyronorth.alignment.posterior.blocks import COUNT, Blocks, blocks_of
 from gyronorth.alignment.posterior.density import Density, log_i0e, mixture
-from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, Axis, Law, law, unit_bias
+from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, Axis, Law, law, law_of, unit_bias
+from gyronorth.alignment.posterior.tones import BUMP, Propose, bumped_blocks, by_periodogram, cleaned, shows_tones
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.sensor.law import NoiseLaw
 
+#: Gives what proposes tones and bumps, where there is one: loaded only for a recording that shows any.
+Proposer = Callable[[], Propose | None]
 #: Turn-on bias over the profile's, and its prior where the in-run drift is as the profile says.
 BIASES = np.array([0.1, 0.3, 1.0, 1.5, 2.2, 3.3, 5.0, 8.0, 12.0, 20.0])
-BIAS_PRIOR = np.array([0.01, 0.02, 0.77, 0.06, 0.045, 0.035, 0.025, 0.015, 0.01, 0.01])
+BIAS_PRIOR = np.array([0.01, 0.02, 0.73, 0.065, 0.055, 0.045, 0.035, 0.02, 0.01, 0.01])
 #: Without a profile: turn-on biases, rad/s, log-uniform up to the first size and falling as its inverse square beyond;
 #: and the prior of the in-run drift over that which equals the white noise at `CORNER`, s.
 UNKNOWN_BIASES = DEG_PER_HOUR * np.geomspace(0.003, 1000.0, 23)
-UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 30 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
+UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 5 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
 #: An accelerometer without a profile: least white noise, (m/s^2) sqrt(s), and turn-on bias, m/s^2.
 UNKNOWN_FORCE = (3e-6 * STANDARD_GRAVITY, 1e-3 * STANDARD_GRAVITY)
 #: Rate about the vertical of a unit that tilts, over that about the horizontal axes.
 TWIST = 0.1
 #: Hypotheses less likely than the best by this, in the logarithm, are left out.
 FAR = 12.0
+#: Explanations of tones and bumps less likely than the best by this, whatever changes slowly, are not weighed.
+NEAR = 7.0
+#: Hypotheses weighed first, to know how likely one has to be.
+FEW = 100
+#: How much likelier a settling bias is in a recording with tones or bumps: they come together.
+UNSTEADY = np.log(8.0)
 
 
 @dataclass(frozen=True)
@@ -40,6 +51,10 @@ class HeadingDensity:
     white_scale: float
     probability: dict[str, float]  # of settling, walk, tilt, sway
     variance: dict[str, float]  # of a horizontal rate by part, (rad/s)^2
+    rate_variance: float  # of a horizontal component of `rate_l`, (rad/s)^2, and of the vertical one
+    vertical_variance: float
+    tones: float  # expected number
+    masked_s: float  # expected time in bumps, s
     roll: float
     pitch: float
 
@@ -52,10 +67,14 @@ def posterior(
     latitude: float,
     sensor: Sensor | None,
     attitude: tuple[float, float] | None = None,
+    propose: Proposer | None = None,
 ) -> list[HeadingDensity]:
     """Posterior of each of the recordings (r, n, 3)."""
     blocks = blocks_of(gyro_b, accel_b, rate_hz=rate_hz, attitude=attitude)
-    return [_one(blocks, index, latitude, sensor, known_attitude=attitude is not None) for index in range(len(gyro_b))]
+    return [
+        _one(blocks, index, latitude, sensor, propose, known_attitude=attitude is not None)
+        for index in range(len(gyro_b))
+    ]
 
 
 @dataclass(frozen=True)
@@ -81,7 +100,15 @@ def scales_of(sensor: Sensor | None, white: float) -> Scales:
     return Scales(Sensor("unknown", gyro, force), False, UNKNOWN_BIASES, table)
 
 
-def _one(blocks: Blocks, index: int, latitude: float, sensor: Sensor | None, *, known_attitude: bool) -> HeadingDensity:
+def _one(
+    blocks: Blocks,
+    index: int,
+    latitude: float,
+    sensor: Sensor | None,
+    propose: Proposer | None,
+    *,
+    known_attitude: bool,
+) -> HeadingDensity:
     trace = None if blocks.trace is None else blocks.trace[index]
     measured = float(blocks.white[index])
     if trace is not None:  # what is free of motion bounds the noise
@@ -90,12 +117,36 @@ def _one(blocks: Blocks, index: int, latitude: float, sensor: Sensor | None, *, 
     scales = scales_of(sensor, measured)
     whites, share = white_scales(measured, scales.sensor.gyro.white, known=scales.known)
     found = []
+    explained = []
+    bumps: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
+    if trace is not None:
+        each = float(np.log(BUMP * blocks.duration / 100 / COUNT))
+        bumps += [(hit, len(hit) * each) for hit in bumped_blocks(blocks.fine_l[index])]
+    if trace is None and shows_tones(blocks.fine_l[index]):
+        fine = blocks.fine_l[index]
+        rate_hz = len(fine) / blocks.duration
+        explained = cleaned(
+            fine, (propose() if propose else None) or by_periodogram, rate_hz=rate_hz, errors=scales.sensor.gyro
+        )
+        best = max(one.log_weight for one in explained)
+        explained = [one for one in explained if one.log_weight > best - NEAR]
     for white, prior in zip(whites, share, strict=True):
         scaled = replace(scales.sensor, gyro=replace(scales.sensor.gyro, white=scales.sensor.gyro.white * white))
         if trace is not None:
             scaled = replace(scaled, accel=_accel(scaled, trace, blocks.seconds))
-        law_ = law(blocks.seconds, scaled, accel=trace is not None)
-        found.append((law_, *_weigh(law_, blocks.rate_l[index], trace), np.log(prior), white))
+        for one in explained:
+            law_ = law_of(
+                blocks.seconds, scaled, accel=False, white=one.covariance * (scaled.gyro.white / one.white) ** 2
+            )
+            seen = _weigh(law_, one.rate_l, None)
+            if one.tones or one.bumped:
+                seen[0][:, law_.shapes.settles] += UNSTEADY
+            found.append((law_, *seen, np.log(prior) + one.log_weight, white, one.tones, one.bumped / rate_hz))
+        for blocks_bumped, chance in bumps if not explained else ():
+            law_ = law(blocks.seconds, scaled, accel=trace is not None, bumped=blocks_bumped)
+            masked_s = len(blocks_bumped) * blocks.seconds
+            seen = _weigh(law_, blocks.rate_l[index], trace)
+            found.append((law_, *seen, np.log(prior) + chance, white, 0, masked_s))
     return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
 
 
@@ -138,7 +189,7 @@ def _weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, ...]:
 
 
 def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple[Array, Array, Array]:
-    """Evidence of every base and shape over the axes `seen` (d, a): log weight (b, s), information, estimate (a, b, s)."""
+    """Evidence of every base and shape over the axes `seen` (d, a): log weight, information, estimate (a, b, s)."""
     shapes, axes = known.shapes, seen.shape[1]
     white = axis.whiten @ seen  # (b, d, a)
     u_y = np.einsum("bd,bda->ab", axis.constant, white)
@@ -197,76 +248,85 @@ def _conclude(
     )
     levelling = lean * ((EARTH_RATE * np.sin(latitude)) ** 2 + (north * np.tan(blocks.pitch[index])) ** 2)
     bias, prior = scales.biases**2, scales.log_prior
-    pieces = []
-    for number, (known, log_h, info_h, rate_h, log_v, info_v, rate_v, log_white, white) in enumerate(found):
+    uprights, bounds, marginal = [], [], []
+    for known, log_h, info_h, _, log_v, info_v, rate_v, log_white, *_ in found:
         # The vertical, summed over its yaw: (drifts, shapes, biases).
         variance = 1 / info_v[:, :, None] + bias + constant
-        each = (
-            log_v[:, :, None]
-            - 0.5 * np.log(variance * info_v[:, :, None])
-            - (rate_v[:, :, None] - down) ** 2 / 2 / variance
-        )
-        each = each + 0.5 * np.log(info_v)[:, :, None]
+        each = log_v[:, :, None] - 0.5 * np.log(variance) - (rate_v[:, :, None] - down) ** 2 / 2 / variance
         top = each.max(axis=0, keepdims=True)
-        upright = np.stack(
-            [np.log(np.exp(each[known.yaw_drift == d] - top).sum(axis=0)) + top[0] for d in range(len(DRIFTS))]
-        )
-        best = upright.max(axis=2)[known.drift] + log_h + known.shapes.log_prior
-        pieces.append((number, known, log_h, info_h, rate_h, upright, best, log_white, white))
-    rows = []
+        each = np.exp(each - top)
+        marginal.append((each, info_v, rate_v))
+        upright = np.stack([each[known.yaw_drift == d].sum(axis=0) for d in range(len(DRIFTS))])
+        upright = np.log(upright) + top + prior[:, None, :] + known.shapes.log_prior[:, None]
+        uprights.append(upright)
+        least = 1 / info_h + bias.min() + constant + levelling
+        bounds.append(upright.max(axis=2)[known.drift] + log_h - np.log(least) + log_white)
+    flat = np.concatenate([bound.ravel() for bound in bounds])
+    first = np.cumsum([0, *(bound.size for bound in bounds)])
+    order = np.argsort(-flat)
+    pieces: list[tuple] = []
     ceiling = -np.inf
-    for number, known, log_h, info_h, rate_h, upright, best, log_white, white in pieces:
-        size = np.hypot(rate_h[0], rate_h[1])
-        var = 1 / info_h[:, :, None] + bias + constant + levelling  # (b, s, k)
-        c = size[:, :, None] * north / var
-        log_w = (
-            (log_h + np.log(info_h))[:, :, None]
-            - np.log(info_h)[:, :, None]
-            - np.log(var)
-            + log_i0e(c)
-            - (size[:, :, None] - north) ** 2 / 2 / var
-            + upright[known.drift]
-            + known.shapes.log_prior[None, :, None]
-            + prior[known.drift][:, None, :]
-            + log_white
-        )
-        ceiling = max(ceiling, float(log_w.max()))
-        rows.append((known, log_w, c, var, rate_h, info_h, white))
+    for some in (order[:FEW], order[FEW:]):
+        some = some[flat[some] > ceiling - FAR]
+        for number, (known, log_h, info_h, rate_h, _, _, _, log_white, *_) in enumerate(found):
+            here = some[(some >= first[number]) & (some < first[number + 1])] - first[number]
+            b, s = np.divmod(here, info_h.shape[1])
+            rate, info = rate_h[:, b, s], info_h[b, s]
+            size = np.hypot(rate[0], rate[1])
+            var = 1 / info[:, None] + bias + constant + levelling  # (h, k)
+            c = size[:, None] * north / var
+            log_w = log_h[b, s, None] + uprights[number][known.drift[b], s] + log_white
+            log_w = log_w - np.log(var) + log_i0e(c) - (size[:, None] - north) ** 2 / 2 / var
+            pieces.append((number * np.ones(len(b), int), b, s, log_w, c, rate, info))
+            ceiling = max(ceiling, float(log_w.max(initial=-np.inf)))
+    rate_z, variance_z = _upright(pieces, found, marginal)
     weight, centre, kappa, parts = [], [], [], []
-    for known, log_w, c, var, rate_h, info_h, white in rows:
-        b, s, k = np.nonzero(log_w > ceiling - FAR)
-        weight.append(np.exp(log_w[b, s, k] - ceiling))
-        centre.append(np.arctan2(-rate_h[1, b, s], rate_h[0, b, s]))
-        kappa.append(c[b, s, k])
-        parts.append(
-            np.stack(
-                [
-                    np.log(scales.biases[k] / unit_bias(sensor)),
-                    np.log(np.array(DRIFTS)[known.drift[b]]),
-                    np.full(len(b), np.log(white)),
-                    known.sway[b] > 0,
-                    np.array([kind == "tilt" for kind in known.shapes.kind])[s],
-                    np.array([kind == "settling" for kind in known.shapes.kind])[s],
-                    np.array([kind == "walk" for kind in known.shapes.kind])[s],
-                    rate_h[0, b, s],
-                    rate_h[1, b, s],
-                    bias[k] + constant,
-                    1 / info_h[b, s],
-                ]
-            )
-        )
+    for which, b, s, log_w, c, rate, info in pieces:
+        if len(b) == 0:
+            continue
+        known, white, tones, masked_s = found[which[0]][0], *found[which[0]][-3:]
+        h, k = np.nonzero(log_w > ceiling - FAR)
+        b, s, rate, info = b[h], s[h], rate[:, h], info[h]
+        weight.append(np.exp(log_w[h, k] - ceiling))
+        centre.append(np.arctan2(-rate[1], rate[0]))
+        kappa.append(c[h, k])
+        kinds = np.array(known.shapes.kind)[s]
+        row = [np.log(scales.biases[k] / unit_bias(sensor)), np.log(np.array(DRIFTS)[known.drift[b]])]
+        row += [np.full(len(b), np.log(white)), known.sway[b] > 0]
+        row += [kinds == "tilt", kinds == "settling", kinds == "walk"]
+        row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2]
+        parts.append(np.stack([*row, np.full(len(b), tones), np.full(len(b), masked_s)]))
     w = np.concatenate(weight)
     w /= w.sum()
     told = np.concatenate(parts, axis=1) @ w
     density = mixture(np.concatenate(centre), np.concatenate(kappa), w)
+    spread = max((told[11] + told[12] - told[7] ** 2 - told[8] ** 2) / 2, 0.0)
+    claimed = NoiseLaw(sensor.gyro).mean_variance(blocks.duration)
+    noise = float(claimed["noise"] * np.exp(2 * told[2]))
+    drift = float(claimed["drift"] * np.exp(2 * told[1]))
     return HeadingDensity(
         density=density,
-        rate_l=np.array([told[7], told[8], blocks.rate_l[index, :, 2].mean()]),
+        rate_l=np.array([told[7], told[8], rate_z]),
         scale=float(np.exp(told[0])),
         drift_scale=float(np.exp(told[1])),
         white_scale=float(np.exp(told[2])),
-        probability={"sway": told[3], "tilt": told[4], "settling": told[5], "walk": told[6]},
-        variance={"turn_on_bias": told[9], "noise": told[10], "levelling": levelling},
+        probability=dict(zip(("sway", "tilt", "settling", "walk"), map(float, told[3:7]), strict=True)),
+        variance={"noise": noise, "drift": drift, "turn_on_bias": float(told[9]), "levelling": float(levelling)},
+        rate_variance=float(told[9] + told[10] + spread + levelling),
+        vertical_variance=float(told[9]) + variance_z,
+        tones=float(told[13]),
+        masked_s=float(told[14]),
         roll=float(blocks.roll[index]),
         pitch=float(blocks.pitch[index]),
     )
+
+
+def _upright(pieces: list[tuple], found: list[tuple], marginal: list[tuple[Array, ...]]) -> tuple[float, float]:
+    """Vertical rate, rad/s, and its variance without the bias, under the likeliest hypothesis."""
+    which, b, s, log_w, *_ = max(pieces, key=lambda piece: piece[3].max(initial=-np.inf))
+    h, k = np.unravel_index(np.argmax(log_w), log_w.shape)
+    known, (each, info, rate) = found[which[0]][0], marginal[which[0]]
+    yaw = np.flatnonzero(known.yaw_drift == known.drift[b[h]])
+    weight = each[yaw, s[h], k] / each[yaw, s[h], k].sum()
+    mean = float(weight @ rate[yaw, s[h]])
+    return mean, float(weight @ (1 / info[yaw, s[h]] + (rate[yaw, s[h]] - mean) ** 2))
