@@ -150,6 +150,13 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("rows_dropped", "warning", "rows left out", "Rows that could not be read were left out."),
     FindingInfo("gaps_bridged", "warning", "samples bridged", "Samples were missing and are bridged."),
     FindingInfo("time_jitter", "warning", "uneven time stamps", "The time stamps scatter about an even grid."),
+    FindingInfo(
+        "rate_conflict", "warning", "two rates", "Clock, configuration, declaration or table tell other rates."
+    ),
+    FindingInfo("units_assumed", "warning", "units assumed", "The frames do not say in which units they are."),
+    FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
+    FindingInfo("configuration_changed", "warning", "set anew", "The unit sent another configuration on the way."),
+    FindingInfo("layout_changed", "warning", "other messages", "The unit sends other messages than at the start."),
     FindingInfo("cut_off", "warning", "file cut off", "The file states more samples than it has."),
     FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),
     FindingInfo("deviation_unused", "warning", "deviation curve unused", "A deviation curve was not applied."),

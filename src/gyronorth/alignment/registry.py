@@ -95,6 +95,13 @@ class _Methods(Mapping[str, Method]):
             self._loaded[name] = module.method(name) if hasattr(module, "method") else module.METHOD
         return self._loaded[name]
 
+    def __contains__(self, name: object) -> bool:
+        try:
+            self[str(name)]
+        except InputError:
+            return False
+        return True
+
     def info(self, name: str) -> MethodInfo:
         """The row of a method, without importing it."""
         return self._rows[name] if name in self._rows else self[name].info
@@ -203,7 +210,7 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
         return [(everything, problem, unknown(problem.mean, refusals=(too_short,)))]
     if METHODS.info(name).batched:
         return [(everything, problem, method.solve(problem, options))]
-    groups, rest = [], everything
+    rest, groups = everything, list[tuple[Mask, Problem, Result]]()
     if isinstance(method, Sorting):
         other, left = method.leaves(problem)
         if left.any():

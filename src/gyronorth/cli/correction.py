@@ -31,8 +31,8 @@ GyroBias = Annotated[
 Deviation = Annotated[
     Path | None,
     typer.Option(
-        metavar="PROFILE",
-        help="Deviation curve from `gyronorth calibrate`; applied in the session it was measured in.",
+        metavar="PROFILE|BUNDLE",
+        help="Deviation curve from `gyronorth calibrate`, or a bundle that carries one; applied in its session.",
         rich_help_panel=SITE,
     ),
 ]
@@ -61,7 +61,7 @@ def curve_and_method(
         raise InputError(
             f"A deviation curve corrects the closed form, but the method is {method}. Use --method mean with it."
         )
-    curve = read_deviation(path)
+    curve = read_deviation(path / "deviation.json" if path.is_dir() else path)
     measured = reading.boresight if curve.boresight is None else curve.boresight
     if max(abs(theirs - ours) for theirs, ours in zip(measured, reading.boresight, strict=True)) > 1e-6:
         theirs, ours = (",".join(f"{degrees(angle):g}" for angle in each) for each in (measured, reading.boresight))

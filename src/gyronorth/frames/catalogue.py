@@ -1,0 +1,163 @@
+"""The protocols that can be decoded, as plain data: for help texts, messages and the documentation.
+
+It imports nothing heavy. How a protocol is decoded stands in `gyronorth.frames.protocols`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class ProtocolInfo:
+    """One protocol, and what its frames say by themselves."""
+
+    name: str
+    title: str
+    units: str  # the units behind it
+    form: Literal["binary", "text", "binary and text"]
+    module: str  # where its `PROTOCOL` stands
+    time: bool = False  # the frames carry the unit's time
+    counter: bool = False  # the frames carry a sequence counter
+    usual_rate_hz: float | None = None  # rate taken where nothing else tells it
+    axes: str | None = None  # where x, y and z of the data point, as `--axes`; None: as marked on the unit
+    declare: str = ""  # what the user must declare, and when
+
+
+PROTOCOLS: tuple[ProtocolInfo, ...] = (
+    ProtocolInfo(
+        "stim",
+        "Sensonor/Safran STIM datagrams",
+        "STIM300, STIM318, STIM320, STIM380H, STIM202, STIM210, STIM277H",
+        "binary",
+        "stim",
+        counter=True,
+        declare="rate; accelerometer range and output unit, where no configuration datagram was captured",
+    ),
+    ProtocolInfo(
+        "novatel",
+        "NovAtel RAWIMU, RAWIMUS, RAWIMUX, RAWIMUSX",
+        "ISA-100C, LN-200, HG1700, HG1900, HG1930, HG4930, STIM300, KVH 1750, uIMU behind an OEM receiver",
+        "binary and text",
+        "novatel",
+        time=True,
+        axes="rfu",
+        declare="IMU type for RAWIMU and RAWIMUS",
+    ),
+    ProtocolInfo(
+        "kvh",
+        "KVH formats A and B",
+        "KVH/EMCORE 1725, 1750, 1760, 1775, P-series",
+        "binary",
+        "kvh",
+        time=True,
+        counter=True,
+        declare="rate for format A; unit and increments, where the rate at rest does not tell them",
+    ),
+    ProtocolInfo(
+        "hg4930",
+        "Honeywell HG4930 and HG1120 serial messages",
+        "HG4930, HG1120",
+        "binary",
+        "honeywell",
+        usual_rate_hz=100.0,
+        declare="axes",
+    ),
+    ProtocolInfo(
+        "sbg",
+        "SBG Systems sbgECom IMU_SHORT, IMU_DATA",
+        "Ekinox, Apogee, Navsight, Quanta, Pulse",
+        "binary",
+        "sbg",
+        time=True,
+        axes="frd",
+    ),
+    ProtocolInfo(
+        "anpp",
+        "Advanced Navigation ANPP packet 28",
+        "Boreas, Certus, Motus",
+        "binary",
+        "anpp",
+        axes="frd",
+        declare="rate",
+    ),
+    ProtocolInfo(
+        "vectornav",
+        "VectorNav binary output",
+        "VN-110, VN-210, VN-310 and the smaller ones",
+        "binary",
+        "vectornav",
+        time=True,
+        axes="frd",
+        declare="rate, where the output holds no TimeStartup",
+    ),
+    ProtocolInfo(
+        "vectornav-ascii",
+        "VectorNav $VNIMU",
+        "VN-110, VN-210, VN-310 and the smaller ones",
+        "text",
+        "vectornav_ascii",
+        axes="frd",
+        declare="rate",
+    ),
+    ProtocolInfo(
+        "mip",
+        "MicroStrain MIP sensor data",
+        "3DM-CV7, 3DM-GQ7 and their relatives",
+        "binary",
+        "mip",
+        time=True,
+        axes="frd",
+        declare="rate, where the packets hold no time",
+    ),
+    ProtocolInfo(
+        "xbus",
+        "Xsens Xbus MTData2",
+        "MTi-600, MTi-680, Sirius and the smaller ones",
+        "binary",
+        "xbus",
+        time=True,
+        counter=True,
+        axes="flu",
+        declare="rate, where the packets hold no SampleTimeFine",
+    ),
+    ProtocolInfo(
+        "inertial-labs",
+        "Inertial Labs user-defined data",
+        "IMU-P, MRU, INS families",
+        "binary",
+        "inertial_labs",
+        time=True,
+        axes="rfu",
+        declare="rate, where the data hold no time",
+    ),
+    ProtocolInfo(
+        "anello",
+        "ANELLO #APIMU",
+        "ANELLO IMU+, EVK, GNSS INS",
+        "text",
+        "anello",
+        time=True,
+        declare="axes",
+    ),
+    ProtocolInfo(
+        "anello-x3",
+        "ANELLO X3 binary",
+        "ANELLO X3",
+        "binary",
+        "anello_x3",
+        time=True,
+        axes="frd",
+    ),
+)
+
+NAMES = tuple(info.name for info in PROTOCOLS)
+
+
+def protocol_info(name: str) -> ProtocolInfo:
+    """The row of a protocol; KeyError for a name that is none."""
+    for info in PROTOCOLS:
+        if info.name == name:
+            return info
+    raise KeyError(name)

@@ -1,0 +1,130 @@
+"""From pieces of a byte stream to whole frames: find a start, check the sum, resynchronise.
+
+Frames are taken from left to right: a frame is accepted where its checksum holds and it begins after the end of the
+one before, so that bytes inside a good frame are never taken for another. Nothing hangs on how the stream was cut
+into pieces: a start is judged once all bytes of its frame are there, and not before those to its left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyronorth.arrays import Index
+from gyronorth.frames.protocol import Bytes, Protocol
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Whole frames in their order."""
+
+    data: Bytes  # the bytes of all frames, one after the other
+    length: Index  # (n,)
+    start: Index  # (n,) byte offset in the stream
+    layout: Index  # (n,)
+    skipped: Index  # (n,) bytes since the frame before that belong to no frame
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+    def rows(self, index: Index) -> Bytes:
+        """The frames `index`, all of one length, shape (k, length)."""
+        first = np.cumsum(self.length) - self.length
+        size = int(self.length[index[0]]) if len(index) else 0
+        return self.data[first[index][:, None] + np.arange(size)]
+
+
+def joined(parts: list[Frames]) -> Frames:
+    """One after the other."""
+    return Frames(*(np.concatenate([getattr(part, name) for part in parts]) for name in _NAMES))
+
+
+def split(frames: Frames, count: int) -> tuple[Frames, Frames]:
+    """The first `count` frames, and the others."""
+    at = int(frames.length[:count].sum())
+    names = _NAMES[1:]
+    first = Frames(frames.data[:at], *(getattr(frames, name)[:count] for name in names))
+    return first, Frames(frames.data[at:], *(getattr(frames, name)[count:] for name in names))
+
+
+_NAMES = ("data", "length", "start", "layout", "skipped")
+_NONE = Frames(np.empty(0, np.uint8), *(np.empty(0, np.int64) for _ in _NAMES[1:]))
+
+
+class Framer:
+    """Cuts a byte stream into the frames of one protocol; it keeps the tail that is not decided yet."""
+
+    def __init__(self, protocol: Protocol) -> None:
+        self._protocol = protocol
+        self._tail: Bytes = np.empty(0, np.uint8)
+        self._offset = 0  # of the tail, in the stream
+        self._needed = 0  # bytes that must be in the tail before more can be decided
+        self._since_frame = 0  # bytes of no frame since the last one
+        self.skipped = 0  # bytes of no frame, in all
+
+    def feed(self, piece: bytes | Bytes, *, last: bool = False) -> Frames:
+        """The frames that `piece` completes; with `last`, what is incomplete is given up."""
+        new = np.frombuffer(piece, np.uint8) if isinstance(piece, (bytes, bytearray, memoryview)) else piece
+        data = np.concatenate((self._tail, new)) if len(self._tail) else new
+        if len(data) < self._needed and not last:
+            self._tail = data
+            return _NONE
+        start, length = self._protocol.starts(data)
+        complete = start + length <= len(data)
+        whole, layout = self._judge(data, start, length, complete)
+        taken, decided = self._walk(data, start, length, complete, whole, last)
+        frames = self._frames(data, start[taken], length[taken], layout[taken], decided)
+        self._tail, self._offset = data[decided:].copy(), self._offset + decided
+        open_ = length[(start == decided) & ~complete]
+        self._needed = int(open_[0]) if len(open_) else 0
+        return frames
+
+    def _judge(self, data: Bytes, start: Index, length: Index, complete: np.ndarray) -> tuple[np.ndarray, Index]:
+        whole, layout = np.zeros(len(start), bool), np.full(len(start), -1, np.int64)
+        for size in np.unique(length[complete]).tolist():
+            index = np.flatnonzero(complete & (length == size))
+            rows = data[start[index][:, None] + np.arange(size)]
+            good = self._protocol.whole(rows)
+            whole[index] = good
+            if good.any():
+                layout[index[good]] = self._protocol.layouts(rows[good])
+        return whole, layout
+
+    def _walk(
+        self, data: Bytes, start: Index, length: Index, complete: np.ndarray, whole: np.ndarray, last: bool
+    ) -> tuple[Index, int]:
+        """Indices of the accepted frames, and up to which byte all is decided."""
+        matters = np.flatnonzero(whole | ~complete)
+        end, taken = 0, []
+        for i, first, size, good in zip(
+            matters.tolist(), start[matters].tolist(), length[matters].tolist(), whole[matters].tolist(), strict=True
+        ):
+            if first < end:
+                continue
+            if not good:
+                if last:
+                    continue
+                return np.array(taken, np.int64), first
+            taken.append(i)
+            end = first + size
+        decided = len(data) if last else max(end, len(data) - self._protocol.head + 1)
+        return np.array(taken, np.int64), decided
+
+    def _frames(self, data: Bytes, start: Index, length: Index, layout: Index, decided: int) -> Frames:
+        edge = np.zeros(decided + 1, np.int8)
+        edge[start] += 1
+        edge[start + length] -= 1
+        inside = np.cumsum(edge[:-1], dtype=np.int8).astype(bool)
+        outside = ~inside
+        if self._protocol.line_ends:
+            outside &= (data[:decided] != 13) & (data[:decided] != 10)
+        count = np.concatenate(([0], np.cumsum(outside)))
+        before = np.diff(count[start], prepend=0)
+        if len(start):
+            before[0] += self._since_frame
+            self._since_frame = int(count[-1] - count[start[-1]])
+        else:
+            self._since_frame += int(count[-1])
+        self.skipped += int(count[-1])
+        return Frames(data[:decided][inside], length, start + self._offset, layout, before)

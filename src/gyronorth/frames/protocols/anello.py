@@ -1,0 +1,70 @@
+"""ANELLO text output #APIMU.
+
+`#APIMU,` time since power-up (ms), time of synchronisation (ms; only in newer firmware), AX, AY, AZ (g), WX, WY, WZ of
+the MEMS gyros (deg/s), OG_WX, OG_WY, OG_WZ of the optical gyros (deg/s), ..., temperature, `*` and the exclusive or of
+all between # and * in two digits. The optical gyros are taken. Lines of units with one optical gyro (EVK, GNSS INS:
+OG_WZ alone) have the MEMS rates of x and y, and are refused: these cannot find north.
+
+Sources: docs-a1.readthedocs.io; facts of the ANELLO ROS driver. Its real line (an EVK, checksum 55) is in the tests:
+the checksum holds and it is refused. The line with three optical gyros is not verified against a real one, nor is
+where the axes point (a unit at rest showed +1 g on z).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gyronorth.arrays import Index, Mask
+from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.errors import InputError
+from gyronorth.frames.checksums import xor_8
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync
+from gyronorth.frames.protocols.text import hex_at_end, line_starts, numbers, texts
+
+_NAME = b"#APIMU,"
+_LONGEST = 256
+#: Fields after the name: with one optical gyro (without and with the time of synchronisation), with three.
+_ONE, _LEAST_OF_THREE = (10, 11, 12), 13
+
+
+def _starts(data: Bytes) -> tuple[Index, Index]:
+    return line_starts(data, at_sync(data, b"#AP"), 2, _LONGEST)
+
+
+def _whole(rows: Bytes) -> Mask:
+    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
+
+
+def _layouts(rows: Bytes) -> Index:
+    if rows.shape[1] < len(_NAME):
+        return np.full(len(rows), OTHER, np.int64)
+    named = (rows[:, : len(_NAME)] == np.frombuffer(_NAME, np.uint8)).all(axis=1)
+    fields = (rows == ord(",")).sum(axis=1)
+    return np.where(named & (fields >= min(_ONE)), fields, OTHER)
+
+
+def _fields(rows: Bytes, layout: int) -> Fields:
+    values = numbers([line.split(b",") for line in texts(rows, len(_NAME), -3)], slice(0, layout))
+    finite = np.isfinite(values).all(axis=1) & (np.abs(values[:, 0]) < 1e12)
+    return Fields(
+        gyro=np.radians(values[:, 8:11]),
+        accel=values[:, 2:5] * STANDARD_GRAVITY,
+        ticks=np.round(np.where(finite, values[:, 0], 0.0) * 1e3).astype(np.int64),
+        tick=1e-6,
+        temperature=values[:, -1],
+        usable=finite,
+    )
+
+
+def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+    if layout < _LEAST_OF_THREE:
+        raise InputError(
+            f"The #APIMU lines have {layout} fields: such a unit has one optical gyro (z) and MEMS gyros, which cannot "
+            "find north. Lines with OG_WX, OG_WY and OG_WZ (13 fields or more, as of the IMU+ and X3) are expected."
+        )
+    return Scale()
+
+
+PROTOCOL = Protocol("anello", 3, _starts, _whole, _layouts, _fields, scale=_scale, line_ends=True)

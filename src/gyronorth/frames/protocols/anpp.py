@@ -1,0 +1,46 @@
+"""Advanced Navigation packet protocol (ANPP): packet 28, raw sensors.
+
+A header of five bytes (its own checksum LRC, packet, length, CRC-16), then the data; the LRC makes the five bytes sum
+to 0 modulo 256, the CRC-16 (0x1021, start FFFF) covers the data. Twelve float32: specific force m/s^2, rate rad/s,
+magnetic field, temperature, pressure, its temperature. x forward, y right, z down. The packet has no time.
+
+Sources: Boreas and Certus reference manuals; the layout as in the official package `advanced-navigation` (MIT),
+against which the decoder is tested. No real stream was at hand. Sensor faults are told in packet 20, which is not
+read.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyronorth.arrays import Index, Mask
+from gyronorth.frames.checksums import column, crc_msb
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol
+
+_RAW_SENSORS, _SIZE, _HEADER = 28, 48, 5
+
+
+def _starts(data: Bytes) -> tuple[Index, Index]:
+    if len(data) < _HEADER:
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    count = len(data) - _HEADER + 1
+    total = sum(data[i : i + count].astype(np.uint32) for i in range(_HEADER))
+    start = np.flatnonzero((np.asarray(total) & 0xFF) == 0)
+    return start, data[start + 2].astype(np.int64) + _HEADER
+
+
+def _whole(rows: Bytes) -> Mask:
+    return (crc_msb(rows[:, _HEADER:], 16, 0x1021, 0xFFFF) == column(rows, 3, "<u2")) & (rows.shape[1] > _HEADER)
+
+
+def _layouts(rows: Bytes) -> Index:
+    known = (rows[:, 1] == _RAW_SENSORS) & (rows[:, 2] == _SIZE)
+    return np.where(known, _RAW_SENSORS, OTHER)
+
+
+def _fields(rows: Bytes, layout: int) -> Fields:
+    values = column(rows, _HEADER, "<f4", 12).astype(float)
+    return Fields(gyro=values[:, 3:6], accel=values[:, 0:3], temperature=values[:, 9])
+
+
+PROTOCOL = Protocol("anpp", _HEADER, _starts, _whole, _layouts, _fields)

@@ -1,0 +1,67 @@
+"""Serial messages of the Honeywell HG4930 and HG1120.
+
+Little endian; address 0x0E and a message number; the sum of all 16-bit words before it ends the message. 0x01 is the
+control message (20 bytes, 600 Hz): three int16 of rate, three of acceleration, two status words. 0x02 (HG4930) and 0x05
+(HG1120) are inertial messages (44 bytes, 100 Hz): the same, then three int32 of angle and three of velocity gained
+since the last one. The inertial message is taken where both come.
+
+Sources: Honeywell HG4930 interface manual, p. 6 to 9; facts in bolderflight/hg4930 (lengths, control scales). The
+status word says whether the sensors work, but the sources differ in which value means good: no fault is derived from
+it. Not verified against a real frame: all of it, and all of the HG1120 but its scales. x, y and z are in the order
+sent; where they point is to be declared (a driver of one user takes -y, z, -x as forward, right, down).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gyronorth.arrays import Index, Mask
+from gyronorth.frames.checksums import column, sum_16_words
+from gyronorth.frames.protocol import Bytes, Fields, Options, Protocol, Scale
+
+_ADDRESS = 0x0E
+_CONTROL, _INERTIAL, _INERTIAL_1120 = 0x01, 0x02, 0x05
+_LENGTH = {_CONTROL: 20, _INERTIAL: 44, _INERTIAL_1120: 44}
+_FOOT = 0.3048
+#: Of one count of the inertial message: rad, and ft/s.
+_INCREMENTS = {_INERTIAL: (2.0**-33, 2.0**-27), _INERTIAL_1120: (2.0**-34, 2.0**-28)}
+_CONTROL_HZ, _INERTIAL_HZ = 600.0, 100.0
+
+
+def _starts(data: Bytes) -> tuple[Index, Index]:
+    here = np.flatnonzero(data[:-1] == _ADDRESS)
+    kind = data[here + 1]
+    length = np.select([kind == number for number in _LENGTH], list(_LENGTH.values()), 0)
+    return here[length > 0], length[length > 0]
+
+
+def _whole(rows: Bytes) -> Mask:
+    return sum_16_words(rows[:, :-2]) == column(rows, rows.shape[1] - 2, "<u2")
+
+
+def _layouts(rows: Bytes) -> Index:
+    return rows[:, 1].astype(np.int64)
+
+
+def _fields(rows: Bytes, layout: int) -> Fields:
+    if layout == _CONTROL:
+        gyro, accel = column(rows, 2, "<i2", 3), column(rows, 8, "<i2", 3)
+    else:
+        gyro, accel = column(rows, 18, "<i4", 3), column(rows, 30, "<i4", 3)
+    return Fields(gyro.astype(float), accel.astype(float))
+
+
+def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+    if layout == _CONTROL:
+        gyro, accel = 2.0**-20 * _CONTROL_HZ, 2.0**-14 * _FOOT * _CONTROL_HZ
+        return Scale(gyro, accel, usual_rate_hz=_CONTROL_HZ, profile="hg4930")
+    gyro, accel = _INCREMENTS[layout]
+    profile = "hg4930" if layout == _INERTIAL else None
+    return Scale(gyro, accel * _FOOT, True, True, usual_rate_hz=_INERTIAL_HZ, profile=profile)
+
+
+PROTOCOL = Protocol(
+    "hg4930", 2, _starts, _whole, _layouts, _fields, rank=lambda layout: int(layout == _CONTROL), scale=_scale
+)

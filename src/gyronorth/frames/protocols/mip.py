@@ -1,0 +1,112 @@
+"""MicroStrain MIP packets of the sensor data set (0x80).
+
+75 65, set, length, fields (length with header, descriptor, data; big endian), Fletcher's sum over all before it. Taken
+are delta theta and delta velocity (0x07, 0x08), where the packet holds a time that gives their interval, else scaled
+gyro and accelerometer (0x05, 0x04); time is the reference time 0xD5, or GPS time 0xD3 or 0x12. x forward, y right, z
+down.
+
+Sources: MicroStrain DCP manuals; descriptors and overrange bits as in `pymscl` (MIT), against which the decoder's
+framing is tested. Not verified against a real packet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gyronorth.arrays import Index, Mask
+from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.frames.checksums import column, fletcher_16
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, with_head
+from gyronorth.frames.protocols.tagged import Blocks, layouts_of
+
+_SENSOR_SET = 0x80
+_ACCEL, _GYRO, _DELTA_THETA, _DELTA_VELOCITY = 0x04, 0x05, 0x07, 0x08
+_GPS_TIME, _SHARED_GPS_TIME, _REFERENCE_TIME = 0x12, 0xD3, 0xD5
+_TEMPERATURES, _OVERRANGE = 0x14, 0x18
+#: Bytes of the data of the descriptors that are read.
+_SIZES = {
+    _ACCEL: 12, _GYRO: 12, _DELTA_THETA: 12, _DELTA_VELOCITY: 12, _GPS_TIME: 12, _SHARED_GPS_TIME: 12,
+    _REFERENCE_TIME: 8, _TEMPERATURES: 12, _OVERRANGE: 2,
+}  # fmt: skip
+#: Overrange bits of accelerometers and gyros.
+_SATURATED = 0x0077
+#: Flags of a layout: increments of the gyro, of the accelerometer.
+_GYRO_INCREMENTS, _ACCEL_INCREMENTS = 1, 2
+
+
+def _starts(data: Bytes) -> tuple[Index, Index]:
+    start = with_head(data, at_sync(data, (0x75, 0x65)), 4)
+    return start, data[start + 3].astype(np.int64) + 6
+
+
+def _whole(rows: Bytes) -> Mask:
+    return fletcher_16(rows[:, :-2]) == column(rows, rows.shape[1] - 2, ">u2")
+
+
+def _parse(row: Bytes) -> tuple[Blocks, Index] | None:
+    blocks: Blocks = {}
+    at, listing = 4, [2]
+    while at + 2 <= len(row) - 2:
+        size, descriptor = int(row[at]), int(row[at + 1])
+        if size < 2 or at + size > len(row) - 2:
+            return None
+        listing += [at, at + 1]
+        if _SIZES.get(descriptor, size - 2) == size - 2:
+            blocks.setdefault(descriptor, (at + 2, size - 2))
+        at += size
+    return blocks, np.array(listing)
+
+
+def _flags(blocks: Blocks) -> int | None:
+    timed = any(name in blocks for name in (_REFERENCE_TIME, _SHARED_GPS_TIME, _GPS_TIME))
+    if _DELTA_THETA in blocks and (timed or _GYRO not in blocks):
+        return _GYRO_INCREMENTS | (_ACCEL_INCREMENTS if _DELTA_VELOCITY in blocks else 0)
+    return 0 if _GYRO in blocks else None
+
+
+def _layouts(rows: Bytes) -> Index:
+    layout = layouts_of(rows, _parse, _flags)
+    return np.where(rows[:, 2] == _SENSOR_SET, layout, OTHER)
+
+
+def _fields(rows: Bytes, layout: int) -> Fields:
+    blocks, _ = _parse(rows[0]) or ({}, None)
+
+    def triad(descriptor: int) -> np.ndarray | None:
+        return column(rows, blocks[descriptor][0], ">f4", 3).astype(float) if descriptor in blocks else None
+
+    gyro = triad(_DELTA_THETA if layout & _GYRO_INCREMENTS else _GYRO)
+    assert gyro is not None
+    # g, also for increments: delta velocity is in g s
+    accel = triad(_DELTA_VELOCITY if layout & _ACCEL_INCREMENTS else _ACCEL)
+    ticks, usable = _time(rows, blocks)
+    saturated = None
+    if _OVERRANGE in blocks:
+        saturated = (column(rows, blocks[_OVERRANGE][0], ">u2") & _SATURATED) != 0
+    temperature = None
+    if _TEMPERATURES in blocks:
+        temperature = column(rows, blocks[_TEMPERATURES][0], ">f4", 3)[:, 2].astype(float)  # minimum, maximum, mean
+    return Fields(gyro, accel, ticks=ticks, tick=1e-9, saturated=saturated, temperature=temperature, usable=usable)
+
+
+def _time(rows: Bytes, blocks: Blocks) -> tuple[Index | None, Mask | None]:
+    """Time, ns, and where it is one."""
+    if _REFERENCE_TIME in blocks:
+        return column(rows, blocks[_REFERENCE_TIME][0], ">u8").astype(np.int64), None
+    for descriptor in (_SHARED_GPS_TIME, _GPS_TIME):
+        if descriptor in blocks:
+            at = blocks[descriptor][0]
+            second, week = column(rows, at, ">f8"), column(rows, at + 8, ">u2").astype(np.int64)
+            usable = np.isfinite(second) & (np.abs(second) < 1e6) & (week < 10000)
+            whole = np.round(np.where(usable, second, 0.0) * 1e9).astype(np.int64)
+            return whole + np.where(usable, week, 0) * 604_800_000_000_000, usable
+    return None, None
+
+
+def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+    return Scale(1.0, STANDARD_GRAVITY, bool(layout & _GYRO_INCREMENTS), bool(layout & _ACCEL_INCREMENTS))
+
+
+PROTOCOL = Protocol("mip", 4, _starts, _whole, _layouts, _fields, scale=_scale)

@@ -1,0 +1,208 @@
+"""NovAtel logs RAWIMU (268), RAWIMUS (325), RAWIMUX (1461), RAWIMUSX (1462), as text and binary.
+
+They hold increments per sample, z first and y negated; both are undone here, so that x, y, z are those of the IMU's
+enclosure as SPAN sees it (x right, y forward, z up). RAWIMUX and RAWIMUSX name the type of the IMU, and with it
+scale and rate; for the others the type must be declared. The time is that of GPS, in the week; it beats the rate of
+the table.
+
+Sources: docs.novatel.com, OEM7 logs of these names and "Raw IMU Scale Factors"; header lengths from the OEM7 manual;
+the numbers of the IMU types as in the message database of `novatel-edie` (MIT). The decoder is tested against
+`novatel-edie`; no real log was at hand. The status word differs between IMUs and is not read but for the error bit of
+RAWIMUX and RAWIMUSX; frames marked as encrypted are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from zlib import crc32
+
+import numpy as np
+
+from gyronorth.arrays import Index, Mask
+from gyronorth.errors import InputError
+from gyronorth.frames.checksums import column
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16, with_head
+from gyronorth.frames.protocols.text import hex_at_end, line_starts, numbers, texts
+
+_RAWIMU, _RAWIMUS, _RAWIMUX, _RAWIMUSX = 268, 325, 1461, 1462
+_NAMES = {b"RAWIMUA": _RAWIMU, b"RAWIMUSA": _RAWIMUS, b"RAWIMUXA": _RAWIMUX, b"RAWIMUSXA": _RAWIMUSX}
+_TYPED = (_RAWIMUX, _RAWIMUSX)
+_LONGEST_TEXT, _LONGEST_BINARY = 512, 4096
+_SHORT_HEADER, _LONG_HEADER, _LONGEST_HEADER = 12, 28, 64
+_WEEK_S = 604800.0
+#: Bits of the information byte of RAWIMUX and RAWIMUSX.
+_ERROR, _ENCRYPTED = 0x01, 0x02
+_FOOT = 0.3048
+
+
+@dataclass(frozen=True)
+class ImuType:
+    """What a type of IMU behind a receiver sends."""
+
+    number: int
+    name: str
+    gyro: float  # rad of one count
+    accel: float  # m/s of one count
+    rate_hz: float
+    profile: str | None = None  # shipped sensor profile
+
+
+def _hg(number: int, name: str, rate_hz: float = 100.0, feet: int = -27) -> ImuType:
+    return ImuType(number, name, 2.0**-33, 2.0**feet * _FOOT, rate_hz)
+
+
+_ARCSECOND = np.pi / 180 / 3600
+IMU_TYPES: tuple[ImuType, ...] = (
+    _hg(1, "HG1700_AG11"),
+    _hg(4, "HG1700_AG17", feet=-26),
+    _hg(5, "HG1900_CA29"),
+    ImuType(8, "LN200", 2.0**-19, 2.0**-14, 200.0),
+    ImuType(9, "LN200_400HZ", 2.0**-19, 2.0**-14, 400.0),
+    _hg(11, "HG1700_AG58"),
+    _hg(12, "HG1700_AG62", feet=-26),
+    ImuType(13, "IMAR_FSAS", 0.1 * 2.0**-8 * _ARCSECOND, 0.05 * 2.0**-15, 200.0),
+    ImuType(16, "KVH_COTS", 0.1 / (3600 * 256), 0.05 * 2.0**-15, 100.0),
+    _hg(20, "HG1930_AA99"),
+    ImuType(26, "ISA100C", 1e-9, 2e-8, 200.0, "isa100c"),
+    _hg(27, "HG1900_CA50"),
+    _hg(28, "HG1930_CA50"),
+    ImuType(32, "STIM300", float(np.radians(2.0**-21)), 2.0**-22, 125.0, "stim300"),
+    ImuType(33, "KVH_1750", 0.1 / (3600 * 256), 0.05 * 2.0**-15, 200.0),
+    ImuType(39, "ISA100C_400HZ", 1e-9, 2e-8, 400.0, "isa100c"),
+    ImuType(52, "LITEF_MICROIMU", 1e-9, 2e-8, 200.0),
+    ImuType(56, "STIM300D", float(np.radians(2.0**-21)), 2.0**-22, 125.0, "stim300"),
+    ImuType(58, "HG4930_AN01", 2.0**-33, 2.0**-29, 100.0, "hg4930"),
+    ImuType(68, "HG4930_AN04", 2.0**-33, 2.0**-29, 200.0, "hg4930"),
+    ImuType(69, "HG4930_AN04_400HZ", 2.0**-33, 2.0**-29, 400.0, "hg4930"),
+)
+
+
+def _starts(data: Bytes) -> tuple[Index, Index]:
+    short = with_head(data, at_sync(data, (0xAA, 0x44, 0x13)), 10)
+    short_length = _SHORT_HEADER + data[short + 3].astype(np.int64) + 4
+    long = with_head(data, at_sync(data, (0xAA, 0x44, 0x12)), 10)
+    header = data[long + 3].astype(np.int64)
+    long_length = header + u16(data, long + 8) + 4
+    fits = (header >= _LONG_HEADER) & (header <= _LONGEST_HEADER) & (long_length <= _LONGEST_BINARY)
+    mark = np.flatnonzero((data[:-1] == ord("%")) | (data[:-1] == ord("#")))
+    mark = mark[(data[mark + 1] >= ord("A")) & (data[mark + 1] <= ord("Z"))]
+    text, text_length = line_starts(data, mark, 8, _LONGEST_TEXT)
+    start = np.concatenate((short, long[fits], text))
+    length = np.concatenate((short_length, long_length[fits], text_length))
+    order = np.argsort(start, kind="stable")
+    return start[order], length[order]
+
+
+def _is_text(rows: Bytes) -> Mask:
+    return rows[:, 0] != 0xAA
+
+
+def _whole(rows: Bytes) -> Mask:
+    text, whole = _is_text(rows), np.zeros(len(rows), bool)
+    lines, binary = rows[text], rows[~text]
+    if len(lines):
+        whole[text] = _crc(lines[:, 1:-9]) == hex_at_end(lines, 8)
+    if len(binary):
+        whole[~text] = _crc(binary[:, :-4]) == column(binary, rows.shape[1] - 4, "<u4")
+    return whole
+
+
+def _crc(rows: Bytes) -> Index:
+    """NovAtel's CRC-32 is that of zlib, but with start 0 and without the final exclusive or."""
+    ones = 0xFFFFFFFF
+    return np.array([crc32(row, ones) ^ ones for row in np.ascontiguousarray(rows)], np.int64)
+
+
+def _layouts(rows: Bytes) -> Index:
+    """1000 x number of the log + type of the IMU (0 where the log does not name it)."""
+    text, layout = _is_text(rows), np.full(len(rows), OTHER, np.int64)
+    for i in np.flatnonzero(text).tolist():
+        layout[i] = _layout_of_line(rows[i, 1:-9].tobytes())
+    index = np.flatnonzero(~text)
+    if len(index):
+        binary = rows[index]
+        log = column(binary, 4, "<u2").astype(np.int64)
+        header = np.where(binary[:, 2] == 0x13, _SHORT_HEADER, binary[:, 3]).astype(np.int64)
+        body = rows.shape[1] - header - 4
+        imu = binary[np.arange(len(binary)), np.minimum(header + 1, rows.shape[1] - 1)].astype(np.int64)
+        typed, plain = np.isin(log, _TYPED) & (body == 40), np.isin(log, (_RAWIMU, _RAWIMUS)) & (body == 40)
+        layout[index] = np.where(typed, log * 1000 + imu, np.where(plain, log * 1000, OTHER))
+    return layout
+
+
+def _layout_of_line(line: bytes) -> int:
+    log, body = _NAMES.get(line.partition(b",")[0]), line.find(b";") + 1
+    if log is None or line.count(b",", body) != (10 if log in _TYPED else 8):
+        return OTHER
+    if log not in _TYPED:
+        return log * 1000
+    imu = line[body : body + 8].split(b",")[1]
+    return log * 1000 + int(imu) if imu.isdigit() and len(imu) <= 3 else OTHER
+
+
+def _fields(rows: Bytes, layout: int) -> Fields:
+    typed = layout // 1000 in _TYPED
+    text = _is_text(rows)
+    info, week, second, counts = (np.zeros((len(rows), *shape)) for shape in ((), (), (), (6,)))
+    if text.any():
+        lines = [line.partition(b";")[2].split(b",") for line in texts(rows[text], 1, -9)]
+        info[text] = [_hexadecimal(line[0]) if typed else 0 for line in lines]
+        table = numbers(lines, [*((2, 3) if typed else (0, 1)), *range(-6, 0)])
+        week[text], second[text], counts[text] = table[:, 0], table[:, 1], table[:, 2:]
+    if not text.all():
+        binary = rows[~text]
+        at = _SHORT_HEADER if binary[0, 2] == 0x13 else int(binary[0, 3])
+        if typed:
+            info[~text] = binary[:, at]
+        week[~text] = column(binary, at + 2, "<u2") if typed else column(binary, at, "<u4")
+        second[~text] = column(binary, at + 4, "<f8")
+        counts[~text] = column(binary, at + 16, "<i4", 6)
+    usable = np.isfinite(counts).all(axis=1) & (np.abs(second) <= _WEEK_S) & (week >= 0) & (week < 10000)
+    usable &= (info.astype(int) & _ENCRYPTED) == 0
+    second, week = np.where(usable, second, 0.0), np.where(usable, week, 0.0)
+    turned = np.array([1.0, -1.0, 1.0])
+    return Fields(
+        gyro=counts[:, [5, 4, 3]] * turned,
+        accel=counts[:, [2, 1, 0]] * turned,
+        ticks=np.round((week * _WEEK_S + second) * 1e6).astype(np.int64),
+        tick=1e-6,
+        fault=(info.astype(int) & _ERROR) != 0,
+        usable=usable,
+    )
+
+
+@lru_cache(256)
+def _hexadecimal(text: bytes) -> int:
+    """The information byte; what is none counts as an error of the IMU."""
+    try:
+        return int(text[:2], 16)
+    except ValueError:
+        return _ERROR
+
+
+def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+    names = ", ".join(imu.name for imu in IMU_TYPES)
+    if layout // 1000 in _TYPED:
+        known = [imu for imu in IMU_TYPES if imu.number == layout % 1000]
+        if not known:
+            raise InputError(
+                f"The NovAtel log names IMU type {layout % 1000}, whose scale is not known here. Known are {names}."
+            )
+    else:
+        known = [imu for imu in IMU_TYPES if options.imu and imu.name == options.imu.upper()]
+        if not known:
+            raise InputError(
+                f"The logs RAWIMU and RAWIMUS do not name the IMU, and {options.imu or 'none'} was declared; one of "
+                f"{names} is expected. Declare it, or log RAWIMUSX, which names it."
+            )
+    imu = known[0]
+    return Scale(imu.gyro, imu.accel, True, True, usual_rate_hz=imu.rate_hz, imu=imu.name, profile=imu.profile)
+
+
+def _rank(layout: int) -> int:
+    return 0 if layout // 1000 in _TYPED else 1
+
+
+PROTOCOL = Protocol("novatel", 10, _starts, _whole, _layouts, _fields, rank=_rank, scale=_scale, line_ends=True)

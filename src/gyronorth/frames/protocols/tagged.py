@@ -1,0 +1,43 @@
+"""Frames that list their contents: the same blocks, at the same places, in most frames of a stream."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+
+import numpy as np
+
+from gyronorth.arrays import Index
+from gyronorth.frames.protocol import OTHER, Bytes
+
+#: Blocks of a frame: number of the content -> (offset in the frame, bytes).
+Blocks = dict[int, tuple[int, int]]
+#: Structures of one length that are told apart; further ones are taken for other data.
+_MOST = 32
+
+
+def layouts_of(
+    rows: Bytes, parse: Callable[[Bytes], tuple[Blocks, Index] | None], flags: Callable[[Blocks], int | None]
+) -> Index:
+    """The layout of each frame (k,): a number for the bytes that list the contents, with `flags` in the low 4 bits.
+
+    `parse` gives the blocks of one frame and the positions of the bytes that list them; None if they do not fit the
+    frame. `flags` gives 0 to 15, or None where no inertial data are in it.
+    """
+    layout, open_ = np.full(len(rows), OTHER, np.int64), np.ones(len(rows), bool)
+    for _ in range(_MOST):
+        index = np.flatnonzero(open_)
+        if not len(index):
+            break
+        model = rows[index[0]]
+        parsed = parse(model)
+        if parsed is None:
+            open_[index[0]] = False
+            continue
+        blocks, listing = parsed
+        alike = index[(rows[index][:, listing] == model[listing]).all(axis=1)]
+        open_[alike] = False
+        flag = flags(blocks)
+        if flag is not None:
+            layout[alike] = (zlib.crc32(model[listing].tobytes()) << 4) | flag
+    return layout

@@ -1,0 +1,44 @@
+"""VectorNav text output $VNIMU: uncompensated magnetic field, acceleration, rate, temperature and pressure.
+
+`$VNIMU,` three of magnetic field (gauss), three of acceleration (m/s^2), three of rate (rad/s), temperature (degC),
+pressure, `*` and the exclusive or of all between $ and * in two digits. x forward, y right, z down. No time.
+
+Source: VectorNav UM001 and UM005. Not verified against a real line; lines with the 16-bit checksum or with appended
+counters are not read.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gyronorth.arrays import Index, Mask
+from gyronorth.frames.checksums import xor_8
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync
+from gyronorth.frames.protocols.text import hex_at_end, line_starts, numbers, texts
+
+_NAME, _COMMAS, _LAYOUT = b"$VNIMU,", 11, 1
+_LONGEST = 256
+
+
+def _starts(data: Bytes) -> tuple[Index, Index]:
+    return line_starts(data, at_sync(data, b"$VN"), 2, _LONGEST)
+
+
+def _whole(rows: Bytes) -> Mask:
+    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
+
+
+def _layouts(rows: Bytes) -> Index:
+    if rows.shape[1] < len(_NAME):
+        return np.full(len(rows), OTHER, np.int64)
+    named = (rows[:, : len(_NAME)] == np.frombuffer(_NAME, np.uint8)).all(axis=1)
+    return np.where(named & ((rows == ord(",")).sum(axis=1) == _COMMAS), _LAYOUT, OTHER)
+
+
+def _fields(rows: Bytes, layout: int) -> Fields:
+    values = numbers([line.split(b",") for line in texts(rows, len(_NAME), -3)], slice(0, 11))
+    usable = np.asarray(np.isfinite(values).all(axis=1))
+    return Fields(gyro=values[:, 6:9], accel=values[:, 3:6], temperature=values[:, 9], usable=usable)
+
+
+PROTOCOL = Protocol("vectornav-ascii", 3, _starts, _whole, _layouts, _fields, line_ends=True)

@@ -1,0 +1,72 @@
+"""What comes out of the frame layer: samples in SI, and an account of the stream."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyronorth.arrays import Array, Index, Mask
+from gyronorth.findings import Finding
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Inertial samples in SI, in the axes of the protocol's data (`axes`), in the order in which they were sent.
+
+    A sample that was lost is missing; `number` shows where.
+    """
+
+    gyro: Array  # (n, 3) angular rate, rad/s
+    accel: Array | None  # (n, 3) specific force, m/s^2
+    number: Index  # (n,) sample number from 0, lost ones counted
+    t: Array | None  # (n,) s from the first sample: the unit's clock, else number over rate; None without a rate
+    saturated: Mask  # (n,) the unit says that an output is at the end of its range
+    sensor_fault: Mask  # (n,) the unit says that an output is not to be trusted
+    temperature: Array | None  # (n,) degC
+    start: Index  # (n,) byte at which the frame began in the stream
+
+    def __len__(self) -> int:
+        return len(self.gyro)
+
+    def columns(self) -> tuple[tuple[str, ...], Array]:
+        """Names as in a recording's file (t, w_x, ..., f_z), and the table (n, columns)."""
+        names, parts = ["w_x", "w_y", "w_z"], [self.gyro]
+        if self.t is not None:
+            names, parts = ["t", *names], [self.t[:, None], *parts]
+        if self.accel is not None:
+            names, parts = [*names, "f_x", "f_y", "f_z"], [*parts, self.accel]
+        return tuple(names), np.concatenate(parts, axis=1)
+
+
+def joined(parts: list[Samples]) -> Samples:
+    """One after the other; `parts` are not empty and of one stream."""
+
+    def join(name: str) -> np.ndarray | None:
+        arrays = [getattr(part, name) for part in parts]
+        return None if arrays[0] is None else np.concatenate(arrays)
+
+    return Samples(*(join(name) for name in Samples.__dataclass_fields__))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Report:
+    """Account of a stream up to now."""
+
+    protocol: str
+    axes: str | None  # where x, y and z of the data point, as `--axes`; None: as marked on the unit
+    rate_hz: float | None  # sample rate, Hz
+    rate_from: str  # "unit's clock", "configuration", "declared", "usual for the unit" or ""
+    clock: str  # what `Samples.t` is: "unit's clock", "counted" or ""
+    imu: str | None  # name of the IMU, where the frames tell it
+    profile: str | None  # name of the shipped sensor profile that fits it
+    samples: int  # frames that became samples
+    other: int  # whole frames that hold no inertial data, or another layout than the one taken
+    unusable: int  # frames whose checksum holds, with numbers that are not finite or beyond any sensor
+    lost: int  # samples missing between the first and the last
+    lost_from: str  # how they are known: "counter", "clock" or "bytes"
+    skipped: int  # bytes that belong to no whole frame
+    clock_jumps: int  # times the unit's clock jumped
+    saturated: int  # samples that the unit marks so
+    sensor_fault: int
+    findings: tuple[Finding, ...]  # assumptions and conflicts
