@@ -8,8 +8,8 @@ from scipy import stats
 
 from gyronorth.alignment.posterior.blocks import COUNT, blocks_of
 from gyronorth.alignment.posterior.law import FINE, block_operators, law
-from gyronorth.alignment.posterior.model import _weigh, posterior
-from gyronorth.alignment.posterior.tones import _cleaned, by_periodogram, shows_tones
+from gyronorth.alignment.posterior.model import posterior, weigh
+from gyronorth.alignment.posterior.tones import by_periodogram, explained_by, shows_tones
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.pipeline import heading
 from gyronorth.recording import Recording
@@ -52,7 +52,7 @@ def test_evidence_is_that_of_the_dense_gaussian(accel):
     known = law(seconds, sensor, accel=accel)
     rng, size = np.random.default_rng(3), 2 * COUNT if accel else COUNT
     rate, trace = rng.normal(0, 1e-6, (COUNT, 3)), rng.normal(0, 1e-5, (COUNT, 2)) if accel else None
-    log_h, info_h, rate_h, *_ = _weigh(known, rate, trace)
+    log_h, info_h, rate_h, *_ = weigh(known, rate, trace)
     seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
     both, fine = block_operators(seconds, accel=accel), np.arange(FINE * COUNT + 1)
     own = both @ NoiseLaw(sensor.gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
@@ -89,7 +89,7 @@ def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
     rng, rate_hz, white, frequency = np.random.default_rng(5), 2.4, 1e-6, 0.11
     samples = 10 * COUNT
     seen = rng.normal(0, 2e-6, (samples, 3))
-    one, none = (_cleaned(seen, rate_hz, white, f, None, 0.0) for f in ((frequency,), ()))
+    one, none = (explained_by(seen, rate_hz, white, f, None, 0.0) for f in ((frequency,), ()))
     phase = 2 * np.pi * frequency * (np.arange(samples) + 0.5) / rate_hz
     from gyronorth.alignment.tones.search import TONE_RATE
 

@@ -23,7 +23,8 @@ from gyronorth.estimate import DisturbanceFound
 from gyronorth.findings import Finding
 
 #: Turn-on bias over the profile's up to which the rate may differ from the Earth's: a mixture over scales may widen an
-#: interval, but not explain away a wrong latitude or a unit that is broken.
+#: interval, but not explain away a wrong latitude or a unit that is broken. Where only a bias far beyond the profile
+#: would explain the recording, the plain mean is judged by that.
 MOST_SCALE = 3.0
 #: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
 TOLD_SCALE, TOLD = 2.0, 0.5
@@ -75,6 +76,11 @@ def _result(problem: Problem, found: HeadingDensity) -> Result:
     believed = found.rate_variance
     if sensor is not None:
         believed = found.rate_variance - claimed["turn_on_bias"] + (MOST_SCALE * sensor.gyro.turn_on_bias) ** 2
+    rate_l, upright = found.rate_l, found.vertical_variance
+    if sensor is not None and found.beyond > TOLD:
+        rate_l = found.mean_l
+        believed = claimed["noise"] + claimed["drift"] + (MOST_SCALE * sensor.gyro.turn_on_bias) ** 2
+        upright = believed
     if problem.accel_b is not None:
         limit = EXPLAINED_TURN
     else:
@@ -91,7 +97,7 @@ def _result(problem: Problem, found: HeadingDensity) -> Result:
         variance,
         np.asarray(signal),
         why=_why(found, known=sensor is not None),
-        judged=Judged(found.rate_l, np.asarray(believed), np.asarray(found.vertical_variance), limit),
+        judged=Judged(rate_l, np.asarray(believed), np.asarray(upright), limit),
         findings=_findings(found) if sensor is not None else (),
         disturbance=DisturbanceFound(
             sway_tones=found.tones,

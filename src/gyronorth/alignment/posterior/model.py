@@ -32,6 +32,8 @@ UNKNOWN_FORCE = (3e-6 * STANDARD_GRAVITY, 1e-3 * STANDARD_GRAVITY)
 TWIST = 0.1
 #: Hypotheses less likely than the best by this, in the logarithm, are left out.
 FAR = 12.0
+#: Bias over the profile's beyond which a mixture explains away a fault rather than a unit.
+BEYOND = 9.0
 #: Explanations of tones and bumps less likely than the best by this, whatever changes slowly, are not weighed.
 NEAR = 7.0
 #: Hypotheses weighed first, to know how likely one has to be.
@@ -55,6 +57,8 @@ class HeadingDensity:
     vertical_variance: float
     tones: float  # expected number
     masked_s: float  # expected time in bumps, s
+    beyond: float  # probability of a bias, constant or settling, of more than `BEYOND` times the profile's
+    mean_l: Array  # (3,) plain mean of the rate in the level frame at the end, rad/s
     roll: float
     pitch: float
 
@@ -138,14 +142,14 @@ def _one(
             law_ = law_of(
                 blocks.seconds, scaled, accel=False, white=one.covariance * (scaled.gyro.white / one.white) ** 2
             )
-            seen = _weigh(law_, one.rate_l, None)
+            seen = weigh(law_, one.rate_l, None)
             if one.tones or one.bumped:
                 seen[0][:, law_.shapes.settles] += UNSTEADY
             found.append((law_, *seen, np.log(prior) + one.log_weight, white, one.tones, one.bumped / rate_hz))
         for blocks_bumped, chance in bumps if not explained else ():
             law_ = law(blocks.seconds, scaled, accel=trace is not None, bumped=blocks_bumped)
             masked_s = len(blocks_bumped) * blocks.seconds
-            seen = _weigh(law_, blocks.rate_l[index], trace)
+            seen = weigh(law_, blocks.rate_l[index], trace)
             found.append((law_, *seen, np.log(prior) + chance, white, 0, masked_s))
     return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
 
@@ -180,7 +184,7 @@ def _accel(sensor: Sensor, trace: Array, seconds: float) -> TriadErrors:
     return replace(sensor.accel, white=max(sensor.accel.white, 1e-12) * 2 ** (round(2 * np.log2(factor)) / 2))
 
 
-def _weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, ...]:
+def weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, ...]:
     """Log weights, information and estimates: horizontal (b, s) and (2, b, s), vertical (v, s) and (v, s)."""
     seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
     log_h, info_h, rate_h = _axes(known.horizontal, seen, known)
@@ -295,7 +299,10 @@ def _conclude(
         row += [np.full(len(b), np.log(white)), known.sway[b] > 0]
         row += [kinds == "tilt", kinds == "settling", kinds == "walk"]
         row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2]
-        parts.append(np.stack([*row, np.full(len(b), tones), np.full(len(b), masked_s)]))
+        beyond = (scales.biases[k] > BEYOND * unit_bias(sensor)) | (
+            known.shapes.settles[s] & (known.shapes.size[s] > 1.1 * BEYOND * known.bias)
+        )
+        parts.append(np.stack([*row, np.full(len(b), tones), np.full(len(b), masked_s), beyond]))
     w = np.concatenate(weight)
     w /= w.sum()
     told = np.concatenate(parts, axis=1) @ w
@@ -316,6 +323,8 @@ def _conclude(
         vertical_variance=float(told[9]) + variance_z,
         tones=float(told[13]),
         masked_s=float(told[14]),
+        beyond=float(told[15]) if scales.known else 0.0,
+        mean_l=blocks.rate_l[index].mean(axis=0),
         roll=float(blocks.roll[index]),
         pitch=float(blocks.pitch[index]),
     )

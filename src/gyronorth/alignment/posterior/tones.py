@@ -91,7 +91,7 @@ def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
 def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors) -> list[Cleaned]:
     """Explanations of one recording (q COUNT, 3), the first that without tones and bumps."""
     white = white_of(fine_l) / np.sqrt(rate_hz)
-    plain = _cleaned(fine_l, rate_hz, white, (), None, 0.0)
+    plain = explained_by(fine_l, rate_hz, white, (), None, 0.0)
     if len(fine_l) < FEWEST:
         return [plain]
     seeking = replace(errors, white=max(errors.white, white), quantisation=0.0)
@@ -110,14 +110,14 @@ def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErr
             if not chosen and mask is None:
                 continue
             each = prior + (0.0 if mask is None else bumps * np.log(chance))
-            found.append(_cleaned(fine_l, rate_hz, white, frequencies, mask, each))
+            found.append(explained_by(fine_l, rate_hz, white, frequencies, mask, each))
     if bumps and not any(one.tones == 0 for one in found):
-        found.append(_cleaned(fine_l, rate_hz, white, (), masked, np.log(TONES[0]) + bumps * np.log(chance)))
+        found.append(explained_by(fine_l, rate_hz, white, (), masked, np.log(TONES[0]) + bumps * np.log(chance)))
     found = [replace(plain, log_weight=plain.log_weight + np.log(TONES[0])), *found]
     return [replace(one, log_weight=one.log_weight - plain.log_weight) for one in found]
 
 
-def _cleaned(
+def explained_by(
     fine_l: Array, rate_hz: float, white: float, frequencies: tuple[float, ...], masked: Mask | None, log_prior: float
 ) -> Cleaned:
     n = len(fine_l)
