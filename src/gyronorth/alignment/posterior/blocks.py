@@ -126,7 +126,7 @@ def _linear(rate: Array, tilt: Array) -> Array:
 
 def density_at_short_lags(rate: Array, *, step: float, longest: float = 1.0) -> Array:
     """Noise density, rad/sqrt(s), shape (r,), the least over lags up to `longest` s: vibration raises the shortest."""
-    found = []
+    found: list[Array] = []
     size = 1
     while size == 1 or (size * step <= longest and rate.shape[1] // size >= 60):
         means = block_means(rate, size) if size > 1 else rate

@@ -134,7 +134,9 @@ def law_of(
     covariances = np.array([_added(own, moved) for own, moved, _, _ in bases])
     prior = [np.log(1 - some) if tilt == 0 else np.log(some / (len(sways) - 1)) for _, _, _, tilt in bases]
     yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
-    upright, yaw_drift, yaw_prior = [], [], []
+    upright: list[Array] = []
+    yaw_drift: list[int] = []
+    yaw_prior: list[float] = []
     for d, own in enumerate(noise):
         for yaw, time in yaws:
             upright.append(own[:COUNT, :COUNT] + yaw**2 * _motion(seconds, time * duration))
@@ -207,7 +209,8 @@ def _walk_modes(seconds: float) -> Array:
 def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
     duration = seconds * COUNT
     edges = np.asarray(np.arange(COUNT + 1) * seconds, dtype=float)
-    gyro, trace = [], []
+    gyro: list[Array] = []
+    trace: list[Array] = []
     column, size, tilts, prior, kind = [-1], [0.0], [False], [0.0], ["none"]
     some = TILT if accel else TILT_UNSEEN
 

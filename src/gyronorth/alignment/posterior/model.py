@@ -10,9 +10,17 @@ import numpy as np
 from gyronorth.alignment.posterior.blocks import COUNT, Blocks, blocks_of
 from gyronorth.alignment.posterior.density import Density, log_i0e, mixture
 from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, Axis, Law, law, law_of, unit_bias
-from gyronorth.alignment.posterior.tones import BUMP, Propose, bumped_blocks, by_periodogram, cleaned, shows_tones
+from gyronorth.alignment.posterior.tones import (
+    BUMP,
+    Cleaned,
+    Propose,
+    bumped_blocks,
+    by_periodogram,
+    cleaned,
+    shows_tones,
+)
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, Index
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -104,6 +112,36 @@ def scales_of(sensor: Sensor | None, white: float) -> Scales:
     return Scales(Sensor("unknown", gyro, force), False, UNKNOWN_BIASES, table)
 
 
+@dataclass(frozen=True)
+class Weighed:
+    """Every base and shape under one explanation of white noise, tones and bumps."""
+
+    law: Law
+    log_h: Array  # (b, s) horizontal: log weight without what is known of the constant
+    info_h: Array  # (b, s) (rad/s)^-2
+    rate_h: Array  # (2, b, s) rad/s
+    log_v: Array  # (v, s) vertical
+    info_v: Array  # (v, s)
+    rate_v: Array  # (v, s)
+    log_prior: float
+    white: float  # over the profile's
+    tones: int
+    masked_s: float
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some hypotheses of one `Weighed`, each with all scales of the bias."""
+
+    number: int
+    base: Index  # (h,)
+    shape: Index  # (h,)
+    log_weight: Array  # (h, k)
+    concentration: Array  # (h, k)
+    rate: Array  # (2, h)
+    info: Array  # (h,)
+
+
 def _one(
     blocks: Blocks,
     index: int,
@@ -120,15 +158,15 @@ def _one(
         measured = min(measured, 1.3 * float(bound))
     scales = scales_of(sensor, measured)
     whites, share = white_scales(measured, scales.sensor.gyro.white, known=scales.known)
-    found = []
-    explained = []
+    found: list[Weighed] = []
+    explained: list[Cleaned] = []
+    rate_hz = blocks.fine_l.shape[1] / blocks.duration
     bumps: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
     if trace is not None:
         each = float(np.log(BUMP * blocks.duration / 100 / COUNT))
         bumps += [(hit, len(hit) * each) for hit in bumped_blocks(blocks.fine_l[index])]
     if trace is None and shows_tones(blocks.fine_l[index]):
         fine = blocks.fine_l[index]
-        rate_hz = len(fine) / blocks.duration
         explained = cleaned(
             fine, (propose() if propose else None) or by_periodogram, rate_hz=rate_hz, errors=scales.sensor.gyro
         )
@@ -145,12 +183,13 @@ def _one(
             seen = weigh(law_, one.rate_l, None)
             if one.tones or one.bumped:
                 seen[0][:, law_.shapes.settles] += UNSTEADY
-            found.append((law_, *seen, np.log(prior) + one.log_weight, white, one.tones, one.bumped / rate_hz))
+            weight = float(np.log(prior)) + one.log_weight
+            found.append(Weighed(law_, *seen, weight, float(white), one.tones, one.bumped / rate_hz))
         for blocks_bumped, chance in bumps if not explained else ():
             law_ = law(blocks.seconds, scaled, accel=trace is not None, bumped=blocks_bumped)
             masked_s = len(blocks_bumped) * blocks.seconds
             seen = weigh(law_, blocks.rate_l[index], trace)
-            found.append((law_, *seen, np.log(prior) + chance, white, 0, masked_s))
+            found.append(Weighed(law_, *seen, float(np.log(prior)) + chance, float(white), 0, masked_s))
     return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
 
 
@@ -184,7 +223,7 @@ def _accel(sensor: Sensor, trace: Array, seconds: float) -> TriadErrors:
     return replace(sensor.accel, white=max(sensor.accel.white, 1e-12) * 2 ** (round(2 * np.log2(factor)) / 2))
 
 
-def weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, ...]:
+def weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Log weights, information and estimates: horizontal (b, s) and (2, b, s), vertical (v, s) and (v, s)."""
     seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
     log_h, info_h, rate_h = _axes(known.horizontal, seen, known)
@@ -237,7 +276,7 @@ def _bias_prior() -> Array:
 
 
 def _conclude(
-    found: list[tuple], blocks: Blocks, index: int, latitude: float, scales: Scales, *, known_attitude: bool
+    found: list[Weighed], blocks: Blocks, index: int, latitude: float, scales: Scales, *, known_attitude: bool
 ) -> HeadingDensity:
     sensor = scales.sensor
     north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
@@ -252,57 +291,66 @@ def _conclude(
     )
     levelling = lean * ((EARTH_RATE * np.sin(latitude)) ** 2 + (north * np.tan(blocks.pitch[index])) ** 2)
     bias, prior = scales.biases**2, scales.log_prior
-    uprights, bounds, marginal = [], [], []
-    for known, log_h, info_h, _, log_v, info_v, rate_v, log_white, *_ in found:
+    uprights: list[Array] = []
+    bounds: list[Array] = []
+    yaws: list[Array] = []
+    for one in found:
         # The vertical, summed over its yaw: (drifts, shapes, biases).
-        variance = 1 / info_v[:, :, None] + bias + constant
-        each = log_v[:, :, None] - 0.5 * np.log(variance) - (rate_v[:, :, None] - down) ** 2 / 2 / variance
+        known, variance = one.law, 1 / one.info_v[:, :, None] + bias + constant
+        each = one.log_v[:, :, None] - 0.5 * np.log(variance) - (one.rate_v[:, :, None] - down) ** 2 / 2 / variance
         top = each.max(axis=0, keepdims=True)
         each = np.exp(each - top)
-        marginal.append((each, info_v, rate_v))
+        yaws.append(each)
         upright = np.stack([each[known.yaw_drift == d].sum(axis=0) for d in range(len(DRIFTS))])
-        upright = np.log(upright) + top + prior[:, None, :] + known.shapes.log_prior[:, None]
+        upright = (
+            np.log(np.maximum(upright, np.finfo(float).tiny))
+            + top
+            + prior[:, None, :]
+            + known.shapes.log_prior[:, None]
+        )
         uprights.append(upright)
-        least = 1 / info_h + bias.min() + constant + levelling
-        bounds.append(upright.max(axis=2)[known.drift] + log_h - np.log(least) + log_white)
+        least = 1 / one.info_h + bias.min() + constant + levelling
+        bounds.append(upright.max(axis=2)[known.drift] + one.log_h - np.log(least) + one.log_prior)
     flat = np.concatenate([bound.ravel() for bound in bounds])
     first = np.cumsum([0, *(bound.size for bound in bounds)])
     order = np.argsort(-flat)
-    pieces: list[tuple] = []
+    pieces: list[Piece] = []
     ceiling = -np.inf
     for some in (order[:FEW], order[FEW:]):
         some = some[flat[some] > ceiling - FAR]
-        for number, (known, log_h, info_h, rate_h, _, _, _, log_white, *_) in enumerate(found):
+        for number, one in enumerate(found):
             here = some[(some >= first[number]) & (some < first[number + 1])] - first[number]
-            b, s = np.divmod(here, info_h.shape[1])
-            rate, info = rate_h[:, b, s], info_h[b, s]
+            b, s = np.divmod(here, one.info_h.shape[1])
+            rate, info = one.rate_h[:, b, s], one.info_h[b, s]
             size = np.hypot(rate[0], rate[1])
             var = 1 / info[:, None] + bias + constant + levelling  # (h, k)
             c = size[:, None] * north / var
-            log_w = log_h[b, s, None] + uprights[number][known.drift[b], s] + log_white
+            log_w = one.log_h[b, s, None] + uprights[number][one.law.drift[b], s] + one.log_prior
             log_w = log_w - np.log(var) + log_i0e(c) - (size[:, None] - north) ** 2 / 2 / var
-            pieces.append((number * np.ones(len(b), int), b, s, log_w, c, rate, info))
+            pieces.append(Piece(number, b, s, log_w, c, rate, info))
             ceiling = max(ceiling, float(log_w.max(initial=-np.inf)))
-    rate_z, variance_z = _upright(pieces, found, marginal)
-    weight, centre, kappa, parts = [], [], [], []
-    for which, b, s, log_w, c, rate, info in pieces:
-        if len(b) == 0:
-            continue
-        known, white, tones, masked_s = found[which[0]][0], *found[which[0]][-3:]
-        h, k = np.nonzero(log_w > ceiling - FAR)
-        b, s, rate, info = b[h], s[h], rate[:, h], info[h]
-        weight.append(np.exp(log_w[h, k] - ceiling))
+    rate_z, variance_z = _upright(pieces, found, yaws)
+    weight: list[Array] = []
+    centre: list[Array] = []
+    kappa: list[Array] = []
+    parts: list[Array] = []
+    for piece in pieces:
+        one = found[piece.number]
+        known = one.law
+        h, k = np.nonzero(piece.log_weight > ceiling - FAR)
+        b, s, rate, info = piece.base[h], piece.shape[h], piece.rate[:, h], piece.info[h]
+        weight.append(np.exp(piece.log_weight[h, k] - ceiling))
         centre.append(np.arctan2(-rate[1], rate[0]))
-        kappa.append(c[h, k])
+        kappa.append(piece.concentration[h, k])
         kinds = np.array(known.shapes.kind)[s]
         row = [np.log(scales.biases[k] / unit_bias(sensor)), np.log(np.array(DRIFTS)[known.drift[b]])]
-        row += [np.full(len(b), np.log(white)), known.sway[b] > 0]
+        row += [np.full(len(b), np.log(one.white)), known.sway[b] > 0]
         row += [kinds == "tilt", kinds == "settling", kinds == "walk"]
         row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2]
         beyond = (scales.biases[k] > BEYOND * unit_bias(sensor)) | (
             known.shapes.settles[s] & (known.shapes.size[s] > 1.1 * BEYOND * known.bias)
         )
-        parts.append(np.stack([*row, np.full(len(b), tones), np.full(len(b), masked_s), beyond]))
+        parts.append(np.stack([*row, np.full(len(b), one.tones), np.full(len(b), one.masked_s), beyond]))
     w = np.concatenate(weight)
     w /= w.sum()
     told = np.concatenate(parts, axis=1) @ w
@@ -330,12 +378,14 @@ def _conclude(
     )
 
 
-def _upright(pieces: list[tuple], found: list[tuple], marginal: list[tuple[Array, ...]]) -> tuple[float, float]:
+def _upright(pieces: list[Piece], found: list[Weighed], yaws: list[Array]) -> tuple[float, float]:
     """Vertical rate, rad/s, and its variance without the bias, under the likeliest hypothesis."""
-    which, b, s, log_w, *_ = max(pieces, key=lambda piece: piece[3].max(initial=-np.inf))
-    h, k = np.unravel_index(np.argmax(log_w), log_w.shape)
-    known, (each, info, rate) = found[which[0]][0], marginal[which[0]]
-    yaw = np.flatnonzero(known.yaw_drift == known.drift[b[h]])
-    weight = each[yaw, s[h], k] / each[yaw, s[h], k].sum()
-    mean = float(weight @ rate[yaw, s[h]])
-    return mean, float(weight @ (1 / info[yaw, s[h]] + (rate[yaw, s[h]] - mean) ** 2))
+    best = max(pieces, key=lambda piece: float(piece.log_weight.max(initial=-np.inf)))
+    h, k = np.unravel_index(np.argmax(best.log_weight), best.log_weight.shape)
+    one, shape = found[best.number], best.shape[h]
+    yaw = np.flatnonzero(one.law.yaw_drift == one.law.drift[best.base[h]])
+    weight = yaws[best.number][yaw, shape, k]
+    weight = weight / max(float(weight.sum()), np.finfo(float).tiny)
+    rate = one.rate_v[yaw, shape]
+    mean = float(weight @ rate)
+    return mean, float(weight @ (1 / one.info_v[yaw, shape] + (rate - mean) ** 2))

@@ -97,7 +97,7 @@ def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErr
     seeking = replace(errors, white=max(errors.white, white), quantisation=0.0)
     _, lines, masked, _, models = explored(fine_l, propose, rate_hz=rate_hz, errors=seeking)
     share = models.posterior.sum(axis=0)
-    found = []
+    found: list[Cleaned] = []
     bumps = np.count_nonzero(np.diff(masked.astype(int), prepend=0) > 0)
     chance = BUMP * len(fine_l) / rate_hz / 100 / len(fine_l)
     for number in np.argsort(-share)[:KEPT]:
@@ -135,7 +135,7 @@ def explained_by(
         tone = np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * size / np.sqrt(variance)[:, None]
         inner = np.eye(tone.shape[1]) + tone.T @ tone
         both = tone.T @ np.concatenate([block, seen], axis=1)
-        solved = np.linalg.solve(inner, both)
+        solved = np.asarray(np.linalg.solve(inner, both), dtype=float)
         information -= both[:, :COUNT].T @ solved[:, :COUNT]
         product -= both[:, :COUNT].T @ solved[:, COUNT:]
         square -= float(np.sum(both[:, COUNT:] * solved[:, COUNT:]))
