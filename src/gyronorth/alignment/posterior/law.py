@@ -27,10 +27,10 @@ DRIFT_PRIOR = (0.04, 0.06, 0.78, 0.08, 0.04)
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
 #: Probability of broadband motion, with and without an accelerometer that would show it.
-SWAY, SWAY_UNSEEN = 0.10, 0.05
+SWAY, SWAY_UNSEEN = 0.08, 0.05
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
-TILT, TILT_UNSEEN = 0.06, 0.03
+TILT, TILT_UNSEEN = 0.10, 0.03
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.

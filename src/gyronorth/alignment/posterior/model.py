@@ -154,8 +154,8 @@ def _one(
     trace = None if blocks.trace is None else blocks.trace[index]
     measured = float(blocks.white[index])
     if trace is not None:  # what is free of motion bounds the noise
-        bound = np.sqrt(np.mean(np.diff(trace, n=2, axis=0) ** 2) / blocks.seconds)
-        measured = min(measured, 1.3 * float(bound))
+        second = trace[2:] - 2 * trace[1:-1] + trace[:-2]
+        measured = min(measured, 1.3 * float(np.mean(second**2) / blocks.seconds) ** 0.5)
     scales = scales_of(sensor, measured)
     whites, share = white_scales(measured, scales.sensor.gyro.white, known=scales.known)
     found: list[Weighed] = []
@@ -254,7 +254,8 @@ def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple
     u_m, m_y = np.einsum("bd,bdm->bm", axis.constant, axis.walk), np.einsum("bdm,bda->bma", axis.walk, white)
     for number in np.flatnonzero([kind == "walk" for kind in shapes.kind]):
         inner = np.eye(axis.walk.shape[2]) + np.swapaxes(axis.walk, 1, 2) @ axis.walk * shapes.size[number] ** 2
-        solved = np.linalg.solve(inner, np.concatenate([u_m[:, :, None], m_y], axis=2)) * shapes.size[number] ** 2
+        both = np.concatenate([u_m[:, :, None], m_y], axis=2)
+        solved = np.asarray(np.linalg.solve(inner, both), dtype=float) * shapes.size[number] ** 2
         information[:, number] -= np.sum(u_m * solved[:, :, 0], axis=1)
         product[:, :, number] -= np.einsum("bm,bma->ab", u_m, solved[:, :, 1:])
         residual[:, number] -= np.sum(m_y * solved[:, :, 1:], axis=(1, 2))

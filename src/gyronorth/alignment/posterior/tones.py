@@ -69,8 +69,8 @@ def by_periodogram(
     beside = np.median(np.stack([np.roll(off, shift, axis=0) for shift in range(-6, 7)]), axis=0)
     odds = np.sum((off - beside) ** 2, axis=1) - BUMP_SQUARE
     quiet = np.where(odds[:, None] > 0, beside, off)
-    wave = np.exp(-2j * np.pi * np.outer(cycles, np.arange(n)))
-    power = np.sum(np.abs(wave @ (quiet * np.hanning(n)[:, None])) ** 2, axis=1)
+    phase, tapered = 2 * np.pi * np.outer(cycles, np.arange(n)), quiet * np.hanning(n)[:, None]
+    power = np.asarray(np.sum((np.cos(phase) @ tapered) ** 2 + (np.sin(phase) @ tapered) ** 2, axis=1), dtype=float)
     peak = np.r_[True, power[1:] > power[:-1]] & np.r_[power[:-1] >= power[1:], True]
     return odds, np.where(peak, power, 1e-6 * power)
 
