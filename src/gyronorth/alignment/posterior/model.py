@@ -349,7 +349,7 @@ def _conclude(
         row += [kinds == "tilt", kinds == "settling", kinds == "walk"]
         row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2]
         beyond = (scales.biases[k] > BEYOND * unit_bias(sensor)) | (
-            known.shapes.settles[s] & (known.shapes.size[s] > 1.1 * BEYOND * known.bias)
+            known.shapes.settles[s] & (known.shapes.size[s] > 1.3 * BEYOND * known.bias)
         )
         parts.append(np.stack([*row, np.full(len(b), one.tones), np.full(len(b), one.masked_s), beyond]))
     w = np.concatenate(weight)
