@@ -69,6 +69,11 @@ METHODS: tuple[MethodInfo, ...] = (
         gates=("width",),
     ),
     MethodInfo(
+        "posterior",
+        "one mixture over profile scale, tilt, sway, settling and bumps",
+        "gyronorth.alignment.methods.posterior",
+    ),
+    MethodInfo(
         "bayes",
         "average over models of sway, settling and bumps, 30 to 300 s",
         "gyronorth.alignment.methods.bayes",
@@ -155,6 +160,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("cut_off", "warning", "file cut off", "The file states more samples than it has."),
     FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),
     FindingInfo("deviation_unused", "warning", "deviation curve unused", "A deviation curve was not applied."),
+    FindingInfo("profile_scaled", "warning", "beyond its profile", "The unit behaves as several times its profile."),
     FindingInfo("frozen", "warning", "output does not change", "The gyro's output does not change for a while."),
     FindingInfo("simulated_noise", "warning", "simulated noise", "The biases are real, the noise is simulated."),
     FindingInfo("log_time_used", "warning", "recorder's time used", "The messages carry no time of their own."),
@@ -203,17 +209,20 @@ class KindInfo:
     """One kind of simulated disturbance: what `simulate --disturbance` takes."""
 
     name: str
-    role: Literal["known", "slow", "held_out"]
+    role: Literal["known", "slow", "held_out", "platform"]
 
 
 #: known: training and priors know it. slow: a warm-up of minutes, which only the priors of recordings beyond 300 s
-#: know. held_out: kept out of training and of every prior, a test of what nobody has modelled.
+#: know. held_out: kept out of training and of every prior, a test of what nobody has modelled. platform: motion that
+#: an accelerometer sees, or a turn in azimuth: `benchmark stress` measures what it costs.
 DISTURBANCE_KINDS: tuple[KindInfo, ...] = (
     *(KindInfo(name, "known") for name in ("quiet", "sway", "shock", "warmup", "tilt", "mixed")),
     KindInfo("soak", "slow"),
     *(KindInfo(name, "held_out") for name in ("square", "ramp", "beat")),
+    *(KindInfo(name, "platform") for name in ("wind", "lean", "nudge")),
 )
 
 KINDS = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "known")
 SLOW = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "slow")
 HELD_OUT = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "held_out")
+PLATFORM = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "platform")

@@ -19,7 +19,7 @@ from pynmeagps import NMEAReader
 from typer.testing import CliRunner
 
 from gyronorth import readers
-from gyronorth.catalogue import HELD_OUT, KINDS, SLOW
+from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW
 from gyronorth.cli import app
 from gyronorth.cli.progress import reading_file
 from gyronorth.report import figures
@@ -417,7 +417,7 @@ class TestRecordings:
         where = ("--sensor", "sdc500", "--latitude", 9, "--heading", 3, "--duration", 10, "--rate", 10, "--seed", 1)
         refused = run("simulate", *where, "-o", tmp_path / "x.csv", "--disturbance", "quake").stderr
         listed = refused.partition("known are ")[2].strip(" .\n").split(", ")
-        assert listed == [*KINDS, *SLOW, *HELD_OUT]
+        assert listed == [*KINDS, *SLOW, *PLATFORM, *HELD_OUT]
         shown = re.search(r"--disturbance(.*?)\[default", run("simulate", "--help").stdout, re.DOTALL)
         assert shown is not None
         assert [word for word in re.findall(r"[a-z]+", shown[1]) if word in listed] == listed

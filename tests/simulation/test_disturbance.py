@@ -8,13 +8,13 @@ from numpy.testing import assert_allclose
 
 from gyronorth.angles import DEG_PER_HOUR, cyclic_rmse
 from gyronorth.attitude import level, mat_bn
-from gyronorth.catalogue import HELD_OUT, KINDS, SLOW
+from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW
 from gyronorth.simulation.disturbance import Disturbance, draw_disturbance, reference_set
 
 DEG = np.pi / 180
 
 
-@pytest.mark.parametrize("kind", [*KINDS, *SLOW, *HELD_OUT])
+@pytest.mark.parametrize("kind", [*KINDS, *SLOW, *HELD_OUT, *PLATFORM])
 def test_same_seed_same_disturbance_in_either_shape(kind):
     one = draw_disturbance(kind, samples=90, rate_hz=3.0, rng=np.random.default_rng(5))
     many = draw_disturbance(kind, samples=90, rate_hz=3.0, rng=np.random.default_rng(5), runs=1)
@@ -22,7 +22,7 @@ def test_same_seed_same_disturbance_in_either_shape(kind):
     assert_allclose(many.rate_b[0], one.rate_b, rtol=0, atol=0)
     assert_allclose(many.bias_b[0], one.bias_b, rtol=0, atol=0)
     moves, settles = np.any(one.rate_b != 0), np.any(one.bias_b != 0)
-    assert moves == (kind in {"sway", "shock", "tilt", "mixed", "square", "beat"})
+    assert moves == (kind in {"sway", "shock", "tilt", "mixed", "square", "beat", *PLATFORM})
     assert settles == (kind in {"warmup", "mixed", "soak", "ramp"})
 
 

@@ -14,7 +14,7 @@ from gyronorth.cli.progress import units_done
 
 @app.command()
 def benchmark(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="paper, published, turned or disturbed.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="paper, published, turned, disturbed or stress.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Results; what is there is kept.")],
     study: Annotated[list[str] | None, typer.Option(metavar="STUDY", help="Only this study; repeatable.")] = None,
     data: Annotated[

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gyronorth.catalogue import HELD_OUT, KINDS, SLOW, WRITTEN_SUFFIXES
+from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW, WRITTEN_SUFFIXES
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
@@ -89,7 +89,8 @@ def simulate(
     disturbance: Annotated[
         str,
         typer.Option(
-            metavar="KIND", help=f"{', '.join((*KINDS, *SLOW))}; not known to any method: {', '.join(HELD_OUT)}."
+            metavar="KIND",
+            help=f"{', '.join((*KINDS, *SLOW, *PLATFORM))}; not known to any method: {', '.join(HELD_OUT)}.",
         ),
     ] = "quiet",
     no_accel: Annotated[bool, typer.Option("--no-accel", help="Leave the accelerometer out.")] = False,

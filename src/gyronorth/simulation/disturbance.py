@@ -40,6 +40,10 @@ DISTRIBUTIONS = {
     "square": "held out: square wave of rate, amplitude per axis half-normal, sigma 0.002 deg/s; "
     "period log-uniform 5-60 s",
     "ramp": "held out: gyro bias growing linearly from zero, slope per axis normal, sigma 4 deg/h per 100 s",
+    "wind": "tilt about both horizontal axes, white noise through two first-order lags of 3 s and 0.75 s, rms per axis "
+    "log-uniform 0.003-0.1 deg; half as much about the vertical",
+    "lean": "tilt that goes on, rate log-uniform 0.001-0.1 deg a 100 s, direction uniform",
+    "nudge": "turn about the vertical by 0.1-0.5 deg to either side, uniform, within 1-5 s at any time",
     "beat": "held out: two tones of equal amplitude per axis, half-normal, sigma 0.002 deg/s; the first log-uniform "
     "0.008-0.3 Hz, the second 0.002-0.01 Hz above it",
 }
@@ -80,7 +84,7 @@ def drawn(kind: str, times: Array, *, runs: int, rng: np.random.Generator) -> tu
     Parameters
     ----------
     kind : str
-        One of `KINDS`, `SLOW` or `HELD_OUT`.
+        One of `KINDS`, `SLOW`, `HELD_OUT` or `PLATFORM`.
     times : ndarray, shape (k,)
         Times from 0 to the end of the recording, s.
     runs : int
@@ -103,12 +107,13 @@ def drawn(kind: str, times: Array, *, runs: int, rng: np.random.Generator) -> tu
 def draw_disturbance(
     kind: str, *, samples: int, rate_hz: float, rng: np.random.Generator, runs: int | None = None
 ) -> Disturbance:
-    """A disturbance of a kind of `KINDS`, `SLOW` or `HELD_OUT`, with parameters drawn from `DISTRIBUTIONS`.
+    """A disturbance of a kind of `KINDS`, `SLOW`, `HELD_OUT` or `PLATFORM`, with parameters drawn from `DISTRIBUTIONS`.
 
     Parameters
     ----------
     kind : str
-        "quiet", "sway", "shock", "warmup", "tilt", "mixed", "soak", or held out "square", "ramp", "beat".
+        "quiet", "sway", "shock", "warmup", "tilt", "mixed", "soak", "wind", "lean", "nudge", or held out
+        "square", "ramp", "beat".
     samples : int
         Number of samples n.
     rate_hz : float
@@ -139,6 +144,10 @@ class Draw:
     def log_uniform(self, low: float, high: float) -> Array:
         """One number of each run between low and high, its logarithm uniform, (runs,)."""
         return np.exp(self.rng.uniform(np.log(low), np.log(high), self.runs))
+
+    def signed(self, low: float, high: float) -> Array:
+        """Uniform between two sizes, to either side."""
+        return self.rng.uniform(low, high, self.runs) * self.rng.choice([-1.0, 1.0], self.runs)
 
     def sine(self, amplitude: Array, frequency: Array) -> Array:
         """Angle of a tone of rate; amplitude (runs, 3) rad/s, frequency (runs,) Hz."""
@@ -201,6 +210,33 @@ class Draw:
         tau = self.rng.uniform(30, 300, self.runs)[:, None, None]
         return amplitude * (1 - np.exp(-self.times[:, None] / tau))
 
+    def wind(self, rms: Array | float, lag: float = 3.0) -> Array:
+        """Tilt of `rms` rad (runs,) per horizontal axis, white noise through lags of `lag` s and a quarter of it."""
+        from scipy.signal import lfilter
+
+        step = float(self.times[1] - self.times[0])
+        slow, fast = np.exp(-step / lag), np.exp(-4 * step / lag)
+        before = int(np.ceil(8 * lag / step))
+        noise = self.rng.standard_normal((self.runs, before + len(self.times), 3))
+        angle = np.asarray(lfilter([1.0], [1.0, -(slow + fast), slow * fast], noise, axis=1))[:, before:]
+        # Variance of two lags in a row, fed with unit white noise.
+        variance = (1 + slow * fast) / ((1 - slow**2) * (1 - fast**2) * (1 - slow * fast))
+        angle = angle * np.broadcast_to(rms, (self.runs,))[:, None, None] / np.sqrt(variance) * [1.0, 1.0, 0.5]
+        return angle - angle[:, :1]
+
+    def lean(self, rate: Array | float) -> Array:
+        """Tilt that goes on at `rate` rad/s (runs,)."""
+        way = self.rng.uniform(0, 2 * np.pi, self.runs)
+        axis = np.stack([np.cos(way), np.sin(way), np.zeros(self.runs)], axis=-1)
+        return (np.broadcast_to(rate, (self.runs,))[:, None] * axis)[:, None] * self.times[:, None]
+
+    def nudge(self, size: Array | float) -> Array:
+        """Turn about the vertical by `size` rad (runs,), once."""
+        length = self.rng.uniform(1, 5, self.runs)[:, None]
+        start = self.rng.uniform(0, 1, self.runs)[:, None] * np.maximum(self.duration - length, 0)
+        share = np.clip((self.times - start) / length, 0, 1)
+        return (np.broadcast_to(size, (self.runs,))[:, None] * share)[..., None] * [0.0, 0.0, 1.0]
+
     def square(self) -> Array:
         """Angle of a square wave of rate with a period of 5 to 60 s."""
         amplitude = self.half_normal(0.002 * DEG)[:, None]
@@ -231,6 +267,9 @@ _KINDS: dict[str, Callable[[Draw], tuple[Array | float, Array | float]]] = {
     "square": lambda draw: (draw.square(), 0.0),
     "ramp": lambda draw: (0.0, draw.ramp()),
     "beat": lambda draw: (draw.beat(), 0.0),
+    "wind": lambda draw: (draw.wind(draw.log_uniform(0.003 * DEG, 0.1 * DEG)), 0.0),
+    "lean": lambda draw: (draw.lean(draw.log_uniform(0.001 * DEG / 100, 0.1 * DEG / 100)), 0.0),
+    "nudge": lambda draw: (draw.nudge(draw.signed(0.1 * DEG, 0.5 * DEG)), 0.0),
 }
 
 

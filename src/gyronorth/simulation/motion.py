@@ -16,7 +16,7 @@ import numpy as np
 
 from gyronorth.arrays import Array
 from gyronorth.attitude import mat_lb
-from gyronorth.catalogue import HELD_OUT, KINDS, SLOW
+from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.errors import InputError
 from gyronorth.simulation.disturbance import drawn
@@ -26,7 +26,7 @@ from gyronorth.simulation.disturbance import drawn
 Disturbance = Callable[..., Array]
 
 #: Disturbances that can be named, beside "quiet".
-DISTURBANCES = tuple(kind for kind in (*KINDS, *SLOW, *HELD_OUT) if kind != "quiet")
+DISTURBANCES = tuple(kind for kind in (*KINDS, *SLOW, *HELD_OUT, *PLATFORM) if kind != "quiet")
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
 from gyronorth.studies.published_transfer import TRANSFER
+from gyronorth.studies.stress import STRESS
 from gyronorth.studies.study import Plan, Study, write_study
 from gyronorth.studies.turned import TURNED
 from gyronorth.studies.work import executor_on, run_units
@@ -35,6 +36,7 @@ STUDIES: tuple[Study, ...] = (
     TURNED,
     DISTURBED,
     LONG,
+    STRESS,
 )
 
 
@@ -72,7 +74,7 @@ def run_benchmark(
     Parameters
     ----------
     benchmark : str
-        `paper`, `published`, `turned` or `disturbed`.
+        `paper`, `published`, `turned`, `disturbed` or `stress`.
     only : tuple of str
         Names of studies; all by default.
     scheduler : str, optional

@@ -94,6 +94,20 @@ def amortised(
     biases = UNKNOWN_BIAS if errors is None else (errors.turn_on_bias,)
     if errors is None or errors.white == 0:
         errors = replace(errors or TriadErrors(), white=white_of(gyro_l) / np.sqrt(rate_hz))
+    known, lines, masked, seen, models = explored(gyro_l, propose, rate_hz=rate_hz, errors=errors)
+    free = 3 * int((~masked).sum())
+    excess = float(np.sum(_residual(known, gyro_l, seen, models)[~masked] ** 2)) / free
+    law_holds = excess <= 1 + EXCESS_SIGMA * np.sqrt(2 / free)
+    if not law_holds:
+        models = evidence(known, seen, lines.log_prior, scale=float(np.sqrt(excess)))
+    fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
+    return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
+
+
+def explored(
+    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors
+) -> tuple[Law, Lines, Mask, Columns, Evidence]:
+    """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
     known = law(len(gyro_l), rate_hz, errors)
     noise = errors.white * np.sqrt(rate_hz)
     scaled = (gyro_l - np.median(gyro_l, axis=0)) / noise
@@ -102,7 +116,7 @@ def amortised(
     if masked.mean() > 0.5:  # nothing would be left to judge by
         masked = np.zeros_like(masked)
     kept = np.sort(np.argsort(-weight)[:KEPT])
-    lines = _Lines(known.frequency[kept], known.log_prior[kept], np.ones(KEPT, dtype=np.int64))
+    lines = Lines(known.frequency[kept], known.log_prior[kept], np.ones(KEPT, dtype=np.int64))
     seen = columns(known, gyro_l, masked, lines.frequency)
     models = evidence(known, seen, lines.log_prior)
     for number in range(ROUNDS):
@@ -116,13 +130,7 @@ def amortised(
             masked = bumped
             seen = columns(known, gyro_l, masked, lines.frequency)
             models = evidence(known, seen, lines.log_prior)
-    free = 3 * int((~masked).sum())
-    excess = float(np.sum(_residual(known, gyro_l, seen, models)[~masked] ** 2)) / free
-    law_holds = excess <= 1 + EXCESS_SIGMA * np.sqrt(2 / free)
-    if not law_holds:
-        models = evidence(known, seen, lines.log_prior, scale=float(np.sqrt(excess)))
-    fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
-    return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
+    return known, lines, masked, seen, models
 
 
 def grown(flags: Mask) -> Mask:
@@ -134,14 +142,14 @@ def grown(flags: Mask) -> Mask:
 
 
 @dataclass(frozen=True)
-class _Lines:
+class Lines:
     """Frequencies on which tones may be."""
 
     frequency: Array  # (f,) Hz
     log_prior: Array  # (f,) of one tone
     parts: NDArray[np.int64]  # (f,) into how many its cell of the proposals' grid was divided
 
-    def divided(self, share: Array, spacing: float, *, last: bool) -> _Lines:
+    def divided(self, share: Array, spacing: float, *, last: bool) -> Lines:
         """Divide those that hold a tone, the likeliest first; leave out those that hold none, if these are the last."""
         total, made = len(share), list[tuple[Array, Array, Index]]()
         for number in np.argsort(-share):
@@ -155,7 +163,7 @@ class _Lines:
             made.append((self.frequency[number] + offset, log_prior, np.full(parts, parts * self.parts[number])))
             total += parts - 1
         frequency, log_prior, parts = zip(*made, strict=True)
-        return _Lines(np.concatenate(frequency), np.concatenate(log_prior), np.concatenate(parts))
+        return Lines(np.concatenate(frequency), np.concatenate(log_prior), np.concatenate(parts))
 
 
 def _bumped(known: Law, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> Mask:

@@ -1,0 +1,130 @@
+"""One posterior over the heading of one pose, whatever unit and platform do (`alignment.posterior`)."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+
+from gyronorth.alignment.error_budget import (
+    EXCURSION_OVER_RMS,
+    MOTION_ALLOWANCE,
+    MOTION_ALLOWANCE_MOST,
+    horizontal_earth_rate,
+)
+from gyronorth.alignment.posterior.blocks import COUNT
+from gyronorth.alignment.posterior.model import HeadingDensity, posterior
+from gyronorth.alignment.posterior.tones import Propose
+from gyronorth.alignment.problem import Problem
+from gyronorth.alignment.registry import METHODS, Options
+from gyronorth.alignment.result import Attitude, Judged, Posterior, Result
+from gyronorth.catalogue import method_info
+from gyronorth.estimate import DisturbanceFound
+from gyronorth.findings import Finding
+
+#: Turn-on bias over the profile's up to which the rate may differ from the Earth's: a mixture over scales may widen an
+#: interval, but not explain away a wrong latitude or a unit that is broken. Where only a bias far beyond the profile
+#: would explain the recording, the plain mean is judged by that.
+MOST_SCALE = 3.0
+#: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
+TOLD_SCALE, TOLD = 2.0, 0.5
+#: Rotation about the mean attitude, rad, that an accelerometer explains to second order.
+EXPLAINED_TURN = np.radians(5.0)
+
+
+class PosteriorMethod:
+    """A mixture over scale of the profile, tilt, sway, settling, tones and bumps."""
+
+    info = method_info("posterior")
+
+    def solve(self, problem: Problem, options: Options) -> Result:
+        """Heading, interval and what was inferred of one recording; the mean where it is shorter than its blocks."""
+        if problem.gyro_b.shape[-2] < COUNT:
+            return METHODS["mean"].solve(problem, options)
+        accel_b = None if problem.accel_b is None else problem.accel_b[None]
+        found = posterior(
+            problem.gyro_b[None],
+            accel_b,
+            rate_hz=problem.rate_hz,
+            latitude=problem.latitude,
+            sensor=problem.sensor,
+            attitude=problem.attitude,
+            propose=_network,
+        )[0]
+        return _result(problem, found)
+
+
+def _network() -> Propose | None:
+    """The proposals of the network that ships, where it can run."""
+    if find_spec("onnxruntime") is None:
+        return None
+    from gyronorth.alignment.networks.runtime import bundle_of, onnx_proposals
+
+    bundle = bundle_of("learned", None)
+    return None if bundle.proposal is None else onnx_proposals(bundle.proposal)
+
+
+def _result(problem: Problem, found: HeadingDensity) -> Result:
+    density, signal = found.density, horizontal_earth_rate(problem.latitude)
+    attitude = Attitude(np.asarray(density.heading), np.asarray(found.roll), np.asarray(found.pitch), found.rate_l)
+    claimed = dict(found.variance)
+    whole, total = (density.sigma * signal) ** 2, sum(claimed.values())
+    share = min(1.0, whole / max(total, np.finfo(float).tiny))
+    variance = {name: np.asarray(value * share) for name, value in claimed.items()}
+    variance["model"] = np.asarray(max(whole - total, 0.0))
+    sensor = problem.sensor
+    believed = found.rate_variance
+    if sensor is not None:
+        believed = found.rate_variance - claimed["turn_on_bias"] + (MOST_SCALE * sensor.gyro.turn_on_bias) ** 2
+    rate_l, upright = found.rate_l, found.vertical_variance
+    if sensor is not None and found.beyond > TOLD:
+        rate_l = found.mean_l
+        believed = claimed["noise"] + claimed["drift"] + (MOST_SCALE * sensor.gyro.turn_on_bias) ** 2
+        upright = believed
+    if problem.accel_b is not None:
+        limit = EXPLAINED_TURN
+    else:
+        limit = np.clip(2 * density.sigma, MOTION_ALLOWANCE, np.sqrt(MOTION_ALLOWANCE_MOST))
+        limit = float(limit + EXCURSION_OVER_RMS * problem.motion.angle_limit)
+    limit = np.asarray(limit)
+    probability = found.probability
+    return Result(
+        "posterior",
+        attitude,
+        Posterior(
+            np.asarray(density.sigma), np.asarray(max(density.low, -np.pi)), np.asarray(min(density.high, np.pi))
+        ),
+        variance,
+        np.asarray(signal),
+        why=_why(found, known=sensor is not None),
+        judged=Judged(rate_l, np.asarray(believed), np.asarray(upright), limit),
+        findings=_findings(found) if sensor is not None else (),
+        disturbance=DisturbanceFound(
+            sway_tones=found.tones,
+            settling=probability["settling"],
+            tilt=probability["tilt"],
+            walk=probability["walk"],
+            masked_s=found.masked_s,
+            residual_ratio=found.white_scale,
+            explained=True,
+        ),
+    )
+
+
+def _why(found: HeadingDensity, *, known: bool) -> str:
+    words = {"sway": "it sways", "tilt": "it tilts slowly", "settling": "the bias settles", "walk": "the bias walks"}
+    told = [f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= TOLD]
+    if known and max(found.scale, found.drift_scale) >= TOLD_SCALE:
+        told.append(f"the unit behaves as {max(found.scale, found.drift_scale):.1f} times its profile")
+    return "one pose, " + (", ".join(told) if told else "undisturbed")
+
+
+def _findings(found: HeadingDensity) -> tuple[Finding, ...]:
+    scale = max(found.scale, found.drift_scale)
+    if scale < TOLD_SCALE:
+        return ()
+    message = f"This unit behaves as {scale:.1f} times its profile; sigma allows for it."
+    return (Finding("profile_scaled", message, scale, TOLD_SCALE),)
+
+
+METHOD = PosteriorMethod()

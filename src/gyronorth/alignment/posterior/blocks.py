@@ -1,0 +1,138 @@
+"""What the posterior looks at: means of the levelled rate and of the tilt over a few blocks.
+
+Everything but tones and bumps is slow against a block, so that block means hold all of it (`COUNT` of them).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyronorth.arrays import Array
+from gyronorth.attitude import level, mat_lb
+from gyronorth.conditioning import block_means, decimate
+
+#: Blocks of a recording.
+COUNT = 24
+#: Rate at which tones and bumps are looked for, Hz, and their most samples.
+FINE_RATE, FINE_SAMPLES = 3.0, 900
+#: Samples beyond which second-order terms of the motion are worked out from means.
+FINE = 200_000
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Block means of recordings, leading dimension (r,)."""
+
+    rate_l: Array  # (r, COUNT, 3) angular rate in the level frame, rad/s, without second-order terms of the motion
+    trace: Array | None  # (r, COUNT, 2) integrated rate less the tilt that the accelerometer sees, rad: free of motion
+    seconds: float  # length of a block, s
+    fine_l: Array  # (r, q COUNT, 3) the same over q parts of each block, at `FINE_RATE` or below
+    white: Array  # (r,) noise density of the rate at short lags, rad/sqrt(s)
+    roll: Array  # (r,) rad
+    pitch: Array  # (r,) rad
+    gravity: Array  # (r,) size of the mean specific force, m/s^2; NaN without accelerometer
+
+    @property
+    def duration(self) -> float:
+        """Length, s."""
+        return self.seconds * COUNT
+
+
+def blocks_of(
+    gyro_b: Array, accel_b: Array | None, *, rate_hz: float, attitude: tuple[float, float] | None = None
+) -> Blocks:
+    """Block means of recordings (r, n, 3), n at least `COUNT`.
+
+    Parameters
+    ----------
+    gyro_b, accel_b : ndarray, shape (r, n, 3)
+        Angular rate, rad/s, and specific force, m/s^2.
+    rate_hz : float
+        Sample rate, Hz.
+    attitude : tuple of float, optional
+        Known roll and pitch, rad.
+
+    Notes
+    -----
+    A turn about the vertical is taken out first: in the level frame at the end, carried back by the integrated vertical
+    rate, the horizontal rate is Earth rate and the derivative of the tilt theta as the accelerometer sees it, to second
+    order (the direction of gravity obeys u' = -w x u, and the product of yaw rate and tilt goes with the frame). What
+    is left of second order is the Earth rate h in the tilted body, -theta x h; it is taken off where the tilt is seen.
+    """
+    r, n = gyro_b.shape[:2]
+    if attitude is not None:
+        roll, pitch = (np.full(r, angle) for angle in attitude)
+    elif accel_b is None:
+        roll = pitch = np.zeros(r)
+    else:
+        roll, pitch = level(accel_b.mean(axis=1))
+    turn = np.swapaxes(mat_lb(roll, pitch), -1, -2)
+    size = n // COUNT
+    small = max(1, round(n * r / FINE)) if accel_b is not None else 1
+    small = small if size // small >= 4 else 1
+    rate, step = (block_means(gyro_b, small) if small > 1 else gyro_b) @ turn, small / rate_hz
+    white = density_at_short_lags(rate, step=step)
+    rate, yaw = _at_the_end(rate, step)
+    trace, gravity = None, np.full(r, np.nan)
+    if accel_b is not None:
+        force = (block_means(accel_b, small) if small > 1 else accel_b) @ turn
+        gravity = np.linalg.norm(force.mean(axis=1), axis=-1)
+        tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity[:, None, None]
+        tilt = _turned(tilt - tilt.mean(axis=1, keepdims=True), yaw)
+        if attitude is None:
+            rate = _linear(rate, tilt)
+        angle = (np.cumsum(rate[..., :2], axis=1) - rate[..., :2] / 2) * step
+        trace = block_means(angle - tilt, size // small)[:, :COUNT]
+    whole = size // small
+    means = block_means(rate, whole)[:, :COUNT]
+    parts = max(1, min(int(whole * step * FINE_RATE), FINE_SAMPLES // COUNT, whole))
+    covered = rate[:, : whole * COUNT]
+    fine = decimate(covered, rate_hz=1 / step, to_hz=parts / (whole * step)) if parts < whole else covered
+    return Blocks(means, trace, whole * step, fine, white, roll, pitch, gravity)
+
+
+def _at_the_end(rate: Array, step: float) -> tuple[Array, Array]:
+    """Rates in the level frame at the end, and the yaw (r, n) since then, rad: a nudge is no change of the Earth rate.
+
+    The yaw is the integral of the vertical rate off its median over blocks, which a turn within a block leaves alone.
+    """
+    whole = max(rate.shape[1] // COUNT, 1)
+    steady = np.median(block_means(rate[..., 2:], whole), axis=1)
+    turn = (rate[..., 2] - steady) * step
+    yaw = np.cumsum(turn, axis=1)
+    yaw = yaw - yaw[:, -1:] - turn / 2  # in the middle of each sample
+    return np.concatenate([_turned(rate[..., :2], yaw), rate[..., 2:]], axis=-1), yaw
+
+
+def _turned(vector: Array, yaw: Array) -> Array:
+    """Horizontal vectors (r, n, 2) of a frame turned clockwise by `yaw`, seen before the turn."""
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([x * cosine - y * sine, y * cosine + x * sine], axis=-1)
+
+
+def _linear(rate: Array, tilt: Array) -> Array:
+    """The rate without its products with the tilt (see `blocks_of`)."""
+    mean = rate.mean(axis=1, keepdims=True)
+    x, y = tilt[..., 0], tilt[..., 1]
+    out = rate.copy()
+    out[..., 0] += y * mean[..., 2]
+    out[..., 1] -= x * mean[..., 2]
+    out[..., 2] -= y * mean[..., 0] - x * mean[..., 1]
+    return out
+
+
+def density_at_short_lags(rate: Array, *, step: float, longest: float = 1.0) -> Array:
+    """Noise density, rad/sqrt(s), shape (r,), the least over lags up to `longest` s: vibration raises the shortest."""
+    found: list[Array] = []
+    size = 1
+    while size == 1 or (size * step <= longest and rate.shape[1] // size >= 60):
+        means = block_means(rate, size) if size > 1 else rate
+        second = means[:, 2:] - 2 * means[:, 1:-1] + means[:, :-2]
+        # Of three axes: a robust scale, since bumps and knocks stand out.
+        middle = np.median(np.abs(second), axis=(1, 2)) / 0.6745 / np.sqrt(6)
+        found.append(middle * np.sqrt(size * step))
+        size *= 2
+    return np.maximum(np.min(found, axis=0), 1e-15)

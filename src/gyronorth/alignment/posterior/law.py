@@ -1,0 +1,287 @@
+"""The covariances of the posterior's mixture: noise and drift of the unit, motion of the platform, by hypothesis.
+
+A hypothesis is a *base* (scale of the in-run drift, and a broadband motion of the platform) and a *shape* (one slow
+change beside it: a tilt that goes on or settles, a bias that settles or walks). Bases are whitened once for each
+length and sensor; shapes are a few columns on top, eliminated in closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from gyronorth.alignment.posterior.blocks import COUNT
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array, Index, Mask
+from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.sensor.law import NoiseLaw
+
+#: In-run drift over the profile's, and the prior of each.
+DRIFTS = (0.1, 0.3, 1.0, 3.0, 10.0)
+DRIFT_PRIOR = (0.04, 0.06, 0.78, 0.08, 0.04)
+#: Broadband motion: tilt, rad rms per axis, and correlation time over the duration.
+SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
+SWAY_TIMES = (0.01, 0.04, 0.16)
+#: Probability of broadband motion, with and without an accelerometer that would show it.
+SWAY, SWAY_UNSEEN = 0.08, 0.05
+#: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
+TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
+TILT, TILT_UNSEEN = 0.10, 0.03
+#: Time constants over the duration of a tilt that settles; infinite for one that goes on.
+TILT_TIMES = (np.inf, 0.5, 0.15)
+#: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
+SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
+SETTLING, SETTLING_SIZES = 0.05, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.4, 0.3, 0.2, 0.1)
+#: Time constants up to this, s, and their share of the prior.
+FAST, FAST_SHARE = 120.0, 0.6
+#: Walking bias: probability, and rate at the end over the profile's bias.
+WALK, WALK_SIZES, WALK_MODES = 0.02, (3.0, 10.0), 6
+#: Yaw of the platform: rms, rad, and correlation time over the duration.
+YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
+YAW_TIMES = (0.04, 1.0)
+#: Rotation of a bump, rad.
+BUMP_ANGLE = np.radians(0.1)
+#: Points of a block at which the motion is integrated, and least noise of a mean rate, rad/s.
+FINE, FLOOR = 8, 1e-12
+#: Tilt of which nothing is known, rad: the constant of the accelerometer's tilt.
+ANY_TILT = 0.02
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """Slow changes: rank-one shapes first, then walks."""
+
+    gyro: Array  # (COUNT, c) rate of each column, unit amplitude
+    trace: Array  # (COUNT, c) the same in the integrated rate less the tilt: nothing of a motion
+    column: Index  # (s,) column of each shape, -1 for none
+    size: Array  # (s,) amplitude, one standard deviation
+    tilts: Mask  # (s,) whether it is a tilt: horizontal axes only
+    log_prior: Array  # (s,)
+    kind: tuple[str, ...]  # (s,)
+
+    @property
+    def settles(self) -> Mask:
+        """Where it is a bias that settles."""
+        return np.array([kind == "settling" for kind in self.kind])
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Whitened bases of one kind of axis."""
+
+    whiten: Array  # (b, d, d) lower triangular
+    constant: Array  # (b, d) whitened
+    columns: Array  # (b, d, c) whitened
+    information: Array  # (b,) of the constant
+    cross: Array  # (b, c) constant by column
+    square: Array  # (b, c) columns by themselves
+    walk: Array  # (b, d, m) whitened modes of a walk
+    half_log_det: Array  # (b,) log of the determinant of the root of the covariance
+
+
+@dataclass(frozen=True)
+class Law:
+    """Everything that does not depend on the samples."""
+
+    horizontal: Axis  # d = COUNT, or twice that with an accelerometer; bases drift x motion
+    vertical: Axis  # d = COUNT; bases drift x yaw
+    drift: Index  # (b,) number of the drift of each horizontal base
+    sway: Array  # (b,) rad rms of its motion, 0 for none
+    log_prior: Array  # (b,) of its motion
+    yaw_drift: Index  # (v,)
+    yaw_log_prior: Array  # (v,)
+    shapes: Shapes
+    bias: float  # turn-on and in-run bias of the profile, rad/s
+
+
+@lru_cache(maxsize=32)
+def law(seconds: float, sensor: Sensor, *, accel: bool, bumped: tuple[int, ...] = ()) -> Law:
+    """The law of recordings of `COUNT` blocks of so many seconds, some of which hold bumps."""
+    return law_of(seconds, sensor, accel=accel, bumped=bumped)
+
+
+def law_of(
+    seconds: float, sensor: Sensor, *, accel: bool, bumped: tuple[int, ...] = (), white: Array | None = None
+) -> Law:
+    """The same with another covariance of the block means' white noise, (COUNT, COUNT), where there are no forces."""
+    gyro, duration = sensor.gyro, seconds * COUNT
+    scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
+    shapes = _shapes(seconds, scale, accel=accel)
+    both = block_operators(seconds, accel=accel)
+    if white is None:
+        white = both @ _white(gyro, seconds) @ both.T
+    noise = [white + _drift(gyro, factor, seconds, accel=accel) for factor in DRIFTS]
+    for own in noise:
+        own[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
+        own[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
+    if accel:
+        edges = np.arange(COUNT + 1)
+        level = replace(sensor.accel, turn_on_bias=0.0)
+        force = NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
+        for own in noise:
+            own[COUNT:, COUNT:] += force + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
+    some = SWAY if accel else SWAY_UNSEEN
+    sways = [(0.0, 1.0), *((size, time) for size in SWAYS for time in SWAY_TIMES)]
+    motion = [size**2 * _motion(seconds, time * duration) for size, time in sways]
+    bases = [
+        (own, moved, d, tilt) for d, own in enumerate(noise) for (tilt, _), moved in zip(sways, motion, strict=True)
+    ]
+    covariances = np.array([_added(own, moved) for own, moved, _, _ in bases])
+    prior = [np.log(1 - some) if tilt == 0 else np.log(some / (len(sways) - 1)) for _, _, _, tilt in bases]
+    yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
+    upright: list[Array] = []
+    yaw_drift: list[int] = []
+    yaw_prior: list[float] = []
+    for d, own in enumerate(noise):
+        for yaw, time in yaws:
+            upright.append(own[:COUNT, :COUNT] + yaw**2 * _motion(seconds, time * duration))
+            yaw_drift.append(d)
+            yaw_prior.append(np.log(0.8) if yaw == 0 else np.log(0.2 / (len(yaws) - 1)))
+    walk = _walk_modes(seconds) * scale
+    return Law(
+        horizontal=_axis(covariances, shapes.gyro, shapes.trace if accel else None, walk, seconds),
+        vertical=_axis(np.array(upright), shapes.gyro, None, walk, seconds),
+        drift=np.array([d for _, _, d, _ in bases]),
+        sway=np.array([tilt for _, _, _, tilt in bases]),
+        log_prior=np.array(prior),
+        yaw_drift=np.array(yaw_drift),
+        yaw_log_prior=np.array(yaw_prior),
+        shapes=shapes,
+        bias=scale,
+    )
+
+
+def _white(gyro: TriadErrors, seconds: float) -> Array:
+    fine = np.arange(FINE * COUNT + 1)
+    return NoiseLaw(gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, drift=False)
+
+
+@lru_cache(maxsize=64)
+def _drift(gyro: TriadErrors, factor: float, seconds: float, *, accel: bool) -> Array:
+    """Covariance of the in-run drift, `factor` times the profile's; of a profile without any, in units of its bias."""
+    fine = np.arange(FINE * COUNT + 1)
+    errors = replace(gyro, flicker=gyro.flicker * factor, random_walk=gyro.random_walk * factor)
+    if gyro.flicker == 0 and gyro.random_walk == 0 and factor > 1:
+        errors = replace(errors, flicker=factor * max(0.1 * gyro.turn_on_bias, 0.02 * gyro.white / np.sqrt(seconds)))
+    both = block_operators(seconds, accel=accel)
+    return both @ NoiseLaw(errors).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, white=False) @ both.T
+
+
+@lru_cache(maxsize=8)
+def block_operators(seconds: float, *, accel: bool) -> Array:
+    """From means over `FINE` parts of each block to block means of the rate, then of its integral."""
+    mean: Array = np.asarray(np.kron(np.eye(COUNT), np.full(FINE, 1 / FINE)), dtype=float)
+    if not accel:
+        return mean
+    integral = (np.tri(FINE * COUNT) - 0.5 * np.eye(FINE * COUNT)) * seconds / FINE
+    return np.concatenate([mean, np.asarray(mean @ integral, dtype=float)])
+
+
+def _added(own: Array, moved: Array) -> Array:
+    total = own.copy()
+    total[:COUNT, :COUNT] += moved
+    return total
+
+
+@lru_cache(maxsize=64)
+def _motion(seconds: float, time: float) -> Array:
+    """Covariance of block means of the rate of a tilt of unit variance and correlation time `time`, s.
+
+    The tilt is an Ornstein-Uhlenbeck process; the rate of a block is the difference of its ends over its length.
+    """
+    at = np.arange(COUNT + 1) * seconds
+    tilt = np.exp(-np.abs(at[:, None] - at) / time)
+    return np.diff(np.diff(tilt, axis=0), axis=1) / seconds**2
+
+
+def _walk_modes(seconds: float) -> Array:
+    """Karhunen-Loeve modes of a random walk of unit variance at the end, (COUNT, WALK_MODES), as `tones.evidence`."""
+    wave = np.pi * (np.arange(WALK_MODES) + 0.5)
+    time = (np.arange(COUNT) + 0.5) / COUNT
+    return np.sqrt(2) * np.sin(wave * time[:, None]) / wave
+
+
+def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
+    duration = seconds * COUNT
+    edges = np.asarray(np.arange(COUNT + 1) * seconds, dtype=float)
+    gyro: list[Array] = []
+    trace: list[Array] = []
+    column, size, tilts, prior, kind = [-1], [0.0], [False], [0.0], ["none"]
+    some = TILT if accel else TILT_UNSEEN
+
+    def add(angle: Callable[[Array], Array], *, motion: bool) -> int:
+        fine = (edges[:-1, None] + (np.arange(FINE) + 0.5) * seconds / FINE).ravel()
+        gyro.append(np.diff(angle(edges)) / seconds)
+        trace.append(np.zeros(COUNT) if motion else angle(fine).reshape(COUNT, FINE).mean(axis=1))
+        return len(gyro) - 1
+
+    for time in TILT_TIMES:
+        tau = min(time, 1e4) * duration
+        number = add(lambda t, tau=tau: -tau * np.expm1(-t / tau), motion=True)
+        for amount in TILTS:
+            column.append(number)
+            size.append(amount)
+            tilts.append(True)
+            prior.append(np.log(some / len(TILT_TIMES) / len(TILTS)))
+            kind.append("tilt")
+    for tau in SETTLING_TIMES:
+        number = add(lambda t, tau=tau: -tau * np.expm1(-t / tau), motion=False)
+        for factor, share in zip(SETTLING_SIZES, SETTLING_SIZE_PRIOR, strict=True):
+            column.append(number)
+            size.append(factor * scale)
+            tilts.append(False)
+            prior.append(np.log(SETTLING * settling_share(tau) * share))
+            kind.append("settling")
+    for factor in WALK_SIZES:
+        column.append(-1)
+        size.append(factor)
+        tilts.append(False)
+        prior.append(np.log(WALK / len(WALK_SIZES)))
+        kind.append("walk")
+    prior[0] = np.log(1 - some - SETTLING - WALK)
+    return Shapes(
+        np.array(gyro).T,
+        np.array(trace).T,
+        np.array(column),
+        np.array(size),
+        np.array(tilts),
+        np.array(prior),
+        tuple(kind),
+    )
+
+
+def settling_share(tau: float) -> float:
+    """Prior of a time constant: most are of up to two minutes, the rest of up to an hour."""
+    fast = sum(one <= FAST for one in SETTLING_TIMES)
+    return FAST_SHARE / fast if tau <= FAST else (1 - FAST_SHARE) / (len(SETTLING_TIMES) - fast)
+
+
+def _axis(covariances: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float) -> Axis:
+    factor = np.linalg.cholesky(covariances)
+    whiten: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+    constant, columns, modes = np.ones(COUNT), gyro, walk
+    if trace is not None:
+        integral = (np.tri(COUNT) - 0.5 * np.eye(COUNT)) * seconds
+        constant = np.concatenate([constant, integral @ constant])
+        columns, modes = np.concatenate([gyro, trace]), np.concatenate([walk, integral @ walk])
+    one, shaped = whiten @ constant, whiten @ columns
+    return Axis(
+        whiten=whiten,
+        constant=one,
+        columns=shaped,
+        information=np.sum(one**2, axis=1),
+        cross=np.einsum("bd,bdc->bc", one, shaped),
+        square=np.sum(shaped**2, axis=1),
+        walk=whiten @ modes,
+        half_log_det=np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
+    )
+
+
+def unit_bias(sensor: Sensor) -> float:
+    """Scale by which the turn-on bias is tried: the profile's, or where it has none a floor, rad/s."""
+    return max(sensor.gyro.turn_on_bias, 1e-4 * DEG_PER_HOUR)

@@ -1,0 +1,392 @@
+"""The posterior of the heading: every hypothesis weighed by what gyro and accelerometer show, headings averaged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gyronorth.alignment.posterior.blocks import COUNT, Blocks, blocks_of
+from gyronorth.alignment.posterior.density import Density, log_i0e, mixture
+from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, Axis, Law, law, law_of, unit_bias
+from gyronorth.alignment.posterior.tones import (
+    BUMP,
+    Cleaned,
+    Propose,
+    bumped_blocks,
+    by_periodogram,
+    cleaned,
+    shows_tones,
+)
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array, Index
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.sensor.law import NoiseLaw
+
+#: Gives what proposes tones and bumps, where there is one: loaded only for a recording that shows any.
+Proposer = Callable[[], Propose | None]
+#: Turn-on bias over the profile's, and its prior where the in-run drift is as the profile says.
+BIASES = np.array([0.1, 0.3, 1.0, 1.5, 2.2, 3.3, 5.0, 8.0, 12.0, 20.0])
+BIAS_PRIOR = np.array([0.01, 0.02, 0.73, 0.065, 0.055, 0.045, 0.035, 0.02, 0.01, 0.01])
+#: Without a profile: turn-on biases, rad/s, log-uniform up to the first size and falling as its inverse square beyond;
+#: and the prior of the in-run drift over that which equals the white noise at `CORNER`, s.
+UNKNOWN_BIASES = DEG_PER_HOUR * np.geomspace(0.003, 1000.0, 23)
+UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 5 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
+#: An accelerometer without a profile: least white noise, (m/s^2) sqrt(s), and turn-on bias, m/s^2.
+UNKNOWN_FORCE = (3e-6 * STANDARD_GRAVITY, 1e-3 * STANDARD_GRAVITY)
+#: Rate about the vertical of a unit that tilts, over that about the horizontal axes.
+TWIST = 0.1
+#: Hypotheses less likely than the best by this, in the logarithm, are left out.
+FAR = 12.0
+#: Bias over the profile's beyond which a mixture explains away a fault rather than a unit.
+BEYOND = 9.0
+#: Explanations of tones and bumps less likely than the best by this, whatever changes slowly, are not weighed.
+NEAR = 7.0
+#: Hypotheses weighed first, to know how likely one has to be.
+FEW = 100
+#: How much likelier a settling bias is in a recording with tones or bumps: they come together.
+UNSTEADY = np.log(8.0)
+
+
+@dataclass(frozen=True)
+class HeadingDensity:
+    """Posterior of the heading of one recording and what was inferred beside it."""
+
+    density: Density
+    rate_l: Array  # (3,) expected constant rate, rad/s
+    scale: float  # of the turn-on bias over the profile, posterior mean of the logarithm
+    drift_scale: float
+    white_scale: float
+    probability: dict[str, float]  # of settling, walk, tilt, sway
+    variance: dict[str, float]  # of a horizontal rate by part, (rad/s)^2
+    rate_variance: float  # of a horizontal component of `rate_l`, (rad/s)^2, and of the vertical one
+    vertical_variance: float
+    tones: float  # expected number
+    masked_s: float  # expected time in bumps, s
+    beyond: float  # probability of a bias, constant or settling, of more than `BEYOND` times the profile's
+    mean_l: Array  # (3,) plain mean of the rate in the level frame at the end, rad/s
+    roll: float
+    pitch: float
+
+
+def posterior(
+    gyro_b: Array,
+    accel_b: Array | None,
+    *,
+    rate_hz: float,
+    latitude: float,
+    sensor: Sensor | None,
+    attitude: tuple[float, float] | None = None,
+    propose: Proposer | None = None,
+) -> list[HeadingDensity]:
+    """Posterior of each of the recordings (r, n, 3)."""
+    blocks = blocks_of(gyro_b, accel_b, rate_hz=rate_hz, attitude=attitude)
+    return [
+        _one(blocks, index, latitude, sensor, propose, known_attitude=attitude is not None)
+        for index in range(len(gyro_b))
+    ]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What is known of the turn-on bias beforehand."""
+
+    sensor: Sensor  # the profile, or one that stands for it
+    known: bool
+    biases: Array  # (k,) rad/s
+    log_prior: Array  # (drifts, k)
+
+
+def scales_of(sensor: Sensor | None, white: float) -> Scales:
+    """The prior of bias and drift: about the profile, or of every size without one."""
+    if sensor is not None:
+        return Scales(sensor, True, BIASES * unit_bias(sensor), _bias_prior() + np.log(DRIFT_PRIOR)[:, None])
+    white = 2 ** (round(4 * np.log2(white)) / 4)
+    noise, bias = UNKNOWN_FORCE
+    gyro = TriadErrors(white=white, flicker=white / np.sqrt(CORNER))
+    force = TriadErrors(white=noise, flicker=noise / np.sqrt(30.0), turn_on_bias=bias)
+    prior = 1 / (1 + (UNKNOWN_BIASES / UNKNOWN_KNEE) ** 2)
+    table = np.log(prior / prior.sum()) + np.log(UNKNOWN_DRIFT)[:, None]
+    return Scales(Sensor("unknown", gyro, force), False, UNKNOWN_BIASES, table)
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Every base and shape under one explanation of white noise, tones and bumps."""
+
+    law: Law
+    log_h: Array  # (b, s) horizontal: log weight without what is known of the constant
+    info_h: Array  # (b, s) (rad/s)^-2
+    rate_h: Array  # (2, b, s) rad/s
+    log_v: Array  # (v, s) vertical
+    info_v: Array  # (v, s)
+    rate_v: Array  # (v, s)
+    log_prior: float
+    white: float  # over the profile's
+    tones: int
+    masked_s: float
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some hypotheses of one `Weighed`, each with all scales of the bias."""
+
+    number: int
+    base: Index  # (h,)
+    shape: Index  # (h,)
+    log_weight: Array  # (h, k)
+    concentration: Array  # (h, k)
+    rate: Array  # (2, h)
+    info: Array  # (h,)
+
+
+def _one(
+    blocks: Blocks,
+    index: int,
+    latitude: float,
+    sensor: Sensor | None,
+    propose: Proposer | None,
+    *,
+    known_attitude: bool,
+) -> HeadingDensity:
+    trace = None if blocks.trace is None else blocks.trace[index]
+    measured = float(blocks.white[index])
+    if trace is not None:  # what is free of motion bounds the noise
+        second = trace[2:] - 2 * trace[1:-1] + trace[:-2]
+        measured = min(measured, 1.3 * float(np.mean(second**2) / blocks.seconds) ** 0.5)
+    scales = scales_of(sensor, measured)
+    whites, share = white_scales(measured, scales.sensor.gyro.white, known=scales.known)
+    found: list[Weighed] = []
+    explained: list[Cleaned] = []
+    rate_hz = blocks.fine_l.shape[1] / blocks.duration
+    bumps: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
+    if trace is not None:
+        each = float(np.log(BUMP * blocks.duration / 100 / COUNT))
+        bumps += [(hit, len(hit) * each) for hit in bumped_blocks(blocks.fine_l[index])]
+    if trace is None and shows_tones(blocks.fine_l[index]):
+        fine = blocks.fine_l[index]
+        explained = cleaned(
+            fine, (propose() if propose else None) or by_periodogram, rate_hz=rate_hz, errors=scales.sensor.gyro
+        )
+        best = max(one.log_weight for one in explained)
+        explained = [one for one in explained if one.log_weight > best - NEAR]
+    for white, prior in zip(whites, share, strict=True):
+        scaled = replace(scales.sensor, gyro=replace(scales.sensor.gyro, white=scales.sensor.gyro.white * white))
+        if trace is not None:
+            scaled = replace(scaled, accel=_accel(scaled, trace, blocks.seconds))
+        for one in explained:
+            law_ = law_of(
+                blocks.seconds, scaled, accel=False, white=one.covariance * (scaled.gyro.white / one.white) ** 2
+            )
+            seen = weigh(law_, one.rate_l, None)
+            if one.tones or one.bumped:
+                seen[0][:, law_.shapes.settles] += UNSTEADY
+            weight = float(np.log(prior)) + one.log_weight
+            found.append(Weighed(law_, *seen, weight, float(white), one.tones, one.bumped / rate_hz))
+        for blocks_bumped, chance in bumps if not explained else ():
+            law_ = law(blocks.seconds, scaled, accel=trace is not None, bumped=blocks_bumped)
+            masked_s = len(blocks_bumped) * blocks.seconds
+            seen = weigh(law_, blocks.rate_l[index], trace)
+            found.append(Weighed(law_, *seen, float(np.log(prior)) + chance, float(white), 0, masked_s))
+    return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
+
+
+def white_scales(measured: float, profile: float, *, known: bool) -> tuple[Array, Array]:
+    """White noise over the profile's that is tried, and its prior: what short lags show, or less where they vibrate."""
+    if profile == 0:
+        return np.array([1.0]), np.array([1.0])
+    ratio = measured / profile
+    if known and abs(ratio - 1) < 0.12:
+        return np.array([1.0]), np.array([1.0])
+    ratio = 2 ** (round(4 * np.log2(max(ratio, 1e-3))) / 4)
+    least = 1.0 if known else ratio / 8
+    tried = [ratio]
+    while tried[-1] > 1.1 * least:
+        tried.append(max(tried[-1] / np.sqrt(2), least))
+    share = np.array([1.0, *(0.3 / max(len(tried) - 1, 1) for _ in tried[1:])])
+    if known and len(tried) > 1:
+        share[-1] = 1.0
+    return np.array(tried), share / share.sum()
+
+
+def _accel(sensor: Sensor, trace: Array, seconds: float) -> TriadErrors:
+    """The accelerometer's errors, its white noise raised to what the integrated rate less the tilt shows."""
+    seen = float(np.mean(np.diff(trace, n=2, axis=0) ** 2))
+    white = (sensor.accel.white / STANDARD_GRAVITY) ** 2 / seconds
+    # Second differences of white noise: 1 + 4 + 1; of block means of a random walk of unit rate: 1.
+    left = seen - sensor.gyro.white**2 * seconds
+    if left < 2.2 * 6 * white or left <= 0:
+        return sensor.accel
+    factor = np.sqrt(left / 6 * seconds) * STANDARD_GRAVITY / max(sensor.accel.white, 1e-12)
+    return replace(sensor.accel, white=max(sensor.accel.white, 1e-12) * 2 ** (round(2 * np.log2(factor)) / 2))
+
+
+def weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Log weights, information and estimates: horizontal (b, s) and (2, b, s), vertical (v, s) and (v, s)."""
+    seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
+    log_h, info_h, rate_h = _axes(known.horizontal, seen, known)
+    log_v, info_v, rate_v = _axes(known.vertical, rate[:, 2:], known, tilting=TWIST)
+    return log_h + known.log_prior[:, None], info_h, rate_h, log_v + known.yaw_log_prior[:, None], info_v, rate_v[0]
+
+
+def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple[Array, Array, Array]:
+    """Evidence of every base and shape over the axes `seen` (d, a): log weight, information, estimate (a, b, s)."""
+    shapes, axes = known.shapes, seen.shape[1]
+    white = axis.whiten @ seen  # (b, d, a)
+    u_y = np.einsum("bd,bda->ab", axis.constant, white)
+    c_y = np.einsum("bdc,bda->abc", axis.columns, white)
+    y_y = np.sum(white**2, axis=(1, 2))
+    b, s = len(axis.information), len(shapes.size)
+    information = np.repeat(axis.information[:, None], s, axis=1)
+    product = np.repeat(u_y[:, :, None], s, axis=2)
+    residual = np.repeat(y_y[:, None], s, axis=1)
+    log_det = np.zeros((b, s))
+    one = np.flatnonzero(shapes.column >= 0)
+    column, square = shapes.column[one], (shapes.size * np.where(shapes.tilts, tilting, 1.0))[one] ** 2
+    pivot = 1 + square * axis.square[:, column]
+    gain = square / pivot
+    information[:, one] -= gain * axis.cross[:, column] ** 2
+    product[:, :, one] -= gain * axis.cross[:, column] * c_y[:, :, column]
+    residual[:, one] -= gain * np.sum(c_y[:, :, column] ** 2, axis=0)
+    log_det[:, one] = np.log(pivot)
+    u_m, m_y = np.einsum("bd,bdm->bm", axis.constant, axis.walk), np.einsum("bdm,bda->bma", axis.walk, white)
+    for number in np.flatnonzero([kind == "walk" for kind in shapes.kind]):
+        inner = np.eye(axis.walk.shape[2]) + np.swapaxes(axis.walk, 1, 2) @ axis.walk * shapes.size[number] ** 2
+        both = np.concatenate([u_m[:, :, None], m_y], axis=2)
+        solved = np.asarray(np.linalg.solve(inner, both), dtype=float) * shapes.size[number] ** 2
+        information[:, number] -= np.sum(u_m * solved[:, :, 0], axis=1)
+        product[:, :, number] -= np.einsum("bm,bma->ab", u_m, solved[:, :, 1:])
+        residual[:, number] -= np.sum(m_y * solved[:, :, 1:], axis=(1, 2))
+        log_det[:, number] = np.linalg.slogdet(inner)[1]
+    estimate = product / information
+    residual = residual - np.sum(product * estimate, axis=0)
+    log_weight = -axes * (axis.half_log_det[:, None] + 0.5 * log_det + 0.5 * np.log(information)) - 0.5 * residual
+    return log_weight, information, estimate
+
+
+def _bias_prior() -> Array:
+    """Log prior of the turn-on bias's scale given the drift's, (drifts, biases)."""
+    table = np.empty((len(DRIFTS), len(BIASES)))
+    for row, drift in enumerate(DRIFTS):
+        near = np.exp(-0.5 * (np.log(BIASES / drift) / 0.6) ** 2)
+        share = 0.0 if drift == 1 else 0.5
+        table[row] = (1 - share) * BIAS_PRIOR + share * near / near.sum()
+    return np.log(table)
+
+
+def _conclude(
+    found: list[Weighed], blocks: Blocks, index: int, latitude: float, scales: Scales, *, known_attitude: bool
+) -> HeadingDensity:
+    sensor = scales.sensor
+    north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
+    constant = (sensor.g_sensitivity * STANDARD_GRAVITY) ** 2 + (
+        sensor.gyro.scale_factor**2 + sensor.gyro.misalignment**2
+    ) * EARTH_RATE**2
+    lean = (
+        0.0
+        if blocks.trace is None or known_attitude
+        else (sensor.accel.turn_on_bias**2 + sensor.accel.flicker**2) / STANDARD_GRAVITY**2
+        + sensor.accel.misalignment**2
+    )
+    levelling = lean * ((EARTH_RATE * np.sin(latitude)) ** 2 + (north * np.tan(blocks.pitch[index])) ** 2)
+    bias, prior = scales.biases**2, scales.log_prior
+    uprights: list[Array] = []
+    bounds: list[Array] = []
+    yaws: list[Array] = []
+    for one in found:
+        # The vertical, summed over its yaw: (drifts, shapes, biases).
+        known, variance = one.law, 1 / one.info_v[:, :, None] + bias + constant
+        each = one.log_v[:, :, None] - 0.5 * np.log(variance) - (one.rate_v[:, :, None] - down) ** 2 / 2 / variance
+        top = each.max(axis=0, keepdims=True)
+        each = np.exp(each - top)
+        yaws.append(each)
+        upright = np.stack([each[known.yaw_drift == d].sum(axis=0) for d in range(len(DRIFTS))])
+        upright = (
+            np.log(np.maximum(upright, np.finfo(float).tiny))
+            + top
+            + prior[:, None, :]
+            + known.shapes.log_prior[:, None]
+        )
+        uprights.append(upright)
+        least = 1 / one.info_h + bias.min() + constant + levelling
+        bounds.append(upright.max(axis=2)[known.drift] + one.log_h - np.log(least) + one.log_prior)
+    flat = np.concatenate([bound.ravel() for bound in bounds])
+    first = np.cumsum([0, *(bound.size for bound in bounds)])
+    order = np.argsort(-flat)
+    pieces: list[Piece] = []
+    ceiling = -np.inf
+    for some in (order[:FEW], order[FEW:]):
+        some = some[flat[some] > ceiling - FAR]
+        for number, one in enumerate(found):
+            here = some[(some >= first[number]) & (some < first[number + 1])] - first[number]
+            b, s = np.divmod(here, one.info_h.shape[1])
+            rate, info = one.rate_h[:, b, s], one.info_h[b, s]
+            size = np.hypot(rate[0], rate[1])
+            var = 1 / info[:, None] + bias + constant + levelling  # (h, k)
+            c = size[:, None] * north / var
+            log_w = one.log_h[b, s, None] + uprights[number][one.law.drift[b], s] + one.log_prior
+            log_w = log_w - np.log(var) + log_i0e(c) - (size[:, None] - north) ** 2 / 2 / var
+            pieces.append(Piece(number, b, s, log_w, c, rate, info))
+            ceiling = max(ceiling, float(log_w.max(initial=-np.inf)))
+    rate_z, variance_z = _upright(pieces, found, yaws)
+    weight: list[Array] = []
+    centre: list[Array] = []
+    kappa: list[Array] = []
+    parts: list[Array] = []
+    for piece in pieces:
+        one = found[piece.number]
+        known = one.law
+        h, k = np.nonzero(piece.log_weight > ceiling - FAR)
+        b, s, rate, info = piece.base[h], piece.shape[h], piece.rate[:, h], piece.info[h]
+        weight.append(np.exp(piece.log_weight[h, k] - ceiling))
+        centre.append(np.arctan2(-rate[1], rate[0]))
+        kappa.append(piece.concentration[h, k])
+        kinds = np.array(known.shapes.kind)[s]
+        row = [np.log(scales.biases[k] / unit_bias(sensor)), np.log(np.array(DRIFTS)[known.drift[b]])]
+        row += [np.full(len(b), np.log(one.white)), known.sway[b] > 0]
+        row += [kinds == "tilt", kinds == "settling", kinds == "walk"]
+        row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2]
+        beyond = (scales.biases[k] > BEYOND * unit_bias(sensor)) | (
+            known.shapes.settles[s] & (known.shapes.size[s] > 1.3 * BEYOND * known.bias)
+        )
+        parts.append(np.stack([*row, np.full(len(b), one.tones), np.full(len(b), one.masked_s), beyond]))
+    w = np.concatenate(weight)
+    w /= w.sum()
+    told = np.concatenate(parts, axis=1) @ w
+    density = mixture(np.concatenate(centre), np.concatenate(kappa), w)
+    spread = max((told[11] + told[12] - told[7] ** 2 - told[8] ** 2) / 2, 0.0)
+    claimed = NoiseLaw(sensor.gyro).mean_variance(blocks.duration)
+    noise = float(claimed["noise"] * np.exp(2 * told[2]))
+    drift = float(claimed["drift"] * np.exp(2 * told[1]))
+    return HeadingDensity(
+        density=density,
+        rate_l=np.array([told[7], told[8], rate_z]),
+        scale=float(np.exp(told[0])),
+        drift_scale=float(np.exp(told[1])),
+        white_scale=float(np.exp(told[2])),
+        probability=dict(zip(("sway", "tilt", "settling", "walk"), map(float, told[3:7]), strict=True)),
+        variance={"noise": noise, "drift": drift, "turn_on_bias": float(told[9]), "levelling": float(levelling)},
+        rate_variance=float(told[9] + told[10] + spread + levelling),
+        vertical_variance=float(told[9]) + variance_z,
+        tones=float(told[13]),
+        masked_s=float(told[14]),
+        beyond=float(told[15]) if scales.known else 0.0,
+        mean_l=blocks.rate_l[index].mean(axis=0),
+        roll=float(blocks.roll[index]),
+        pitch=float(blocks.pitch[index]),
+    )
+
+
+def _upright(pieces: list[Piece], found: list[Weighed], yaws: list[Array]) -> tuple[float, float]:
+    """Vertical rate, rad/s, and its variance without the bias, under the likeliest hypothesis."""
+    best = max(pieces, key=lambda piece: float(piece.log_weight.max(initial=-np.inf)))
+    h, k = np.unravel_index(np.argmax(best.log_weight), best.log_weight.shape)
+    one, shape = found[best.number], best.shape[h]
+    yaw = np.flatnonzero(one.law.yaw_drift == one.law.drift[best.base[h]])
+    weight = yaws[best.number][yaw, shape, k]
+    weight = weight / max(float(weight.sum()), np.finfo(float).tiny)
+    rate = one.rate_v[yaw, shape]
+    mean = float(weight @ rate)
+    return mean, float(weight @ (1 / one.info_v[yaw, shape] + (rate - mean) ** 2))

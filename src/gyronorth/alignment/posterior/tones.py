@@ -1,0 +1,148 @@
+"""Tones and bumps: what is fast against a block, taken out of the block means under several explanations.
+
+Given the frequencies of tones and the samples in bumps, a recording at a few Hz is block means plus tones of normal
+amplitudes plus noise, so that its likelihood in the block means is normal: `Cleaned` holds its centre and covariance,
+and what the explanation as a whole is worth. The search is that of `tones.proposals`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.alignment.posterior.blocks import COUNT
+from gyronorth.alignment.tones.proposals import explored
+from gyronorth.alignment.tones.search import TONE_RATE, white_of
+from gyronorth.arrays import Array, Mask
+from gyronorth.sensor import TriadErrors
+
+Propose = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]], tuple[Array, Array]]
+
+#: Probability of no, one and two tones, and of a bump in 100 s.
+TONES, BUMP = (0.66, 0.16, 0.18), 0.1
+#: Rate of a bump, rad/s per axis.
+BUMP_RATE = np.radians(0.05)
+#: Explanations kept, and the least share of the best that one must have.
+KEPT, LEAST = 6, 3e-2
+#: Power of a line, and square of a sample, in units of white noise, from which tones or bumps are looked for.
+LINE, SAMPLE = 6.0, 20.0
+#: Square of a sample off its neighbours, in units of white noise, that lies in a bump, and how many
+#: blocks with bumps are tried.
+BUMP_SQUARE, BUMPED = 30.0, (1, 2, 4, 8)
+#: Fewest samples in which tones are looked for.
+FEWEST = 90
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """Block means of one recording under one explanation of its fast part."""
+
+    rate_l: Array  # (COUNT, 3) rad/s
+    covariance: Array  # (COUNT, COUNT) of their white noise, one axis
+    log_weight: float  # prior and likelihood of the explanation, over that of no tones and bumps
+    white: float  # noise density at the rate of the samples, rad/sqrt(s)
+    tones: int
+    bumped: int  # samples
+
+
+def shows_tones(fine_l: Array) -> bool:
+    """Whether one recording (n, 3) may hold a tone or a bump: a line or a sample that stands out of white noise."""
+    white = white_of(fine_l)
+    off = fine_l - np.median(fine_l, axis=0)
+    power = np.sum(np.abs(np.fft.rfft(off, axis=0)[2:]) ** 2, axis=1) / (len(off) * white**2)
+    # Of white noise the power is Gamma(3), a sample's square chi-square with 3 degrees of freedom.
+    return bool(power.max() > LINE + 1.3 * np.log(len(power)) or np.sum(off**2, axis=1).max() > SAMPLE * white**2)
+
+
+def by_periodogram(
+    rate: NDArray[np.float32], _: NDArray[np.float32], cycles: NDArray[np.float32]
+) -> tuple[Array, Array]:
+    """Proposals without a network: peaks of the periodogram, samples that stand out of their neighbours.
+
+    Parameters and returns are those of `tones.proposals.Propose`.
+    """
+    n = len(rate)
+    off = rate - rate.mean(axis=0)
+    beside = np.median(np.stack([np.roll(off, shift, axis=0) for shift in range(-6, 7)]), axis=0)
+    odds = np.sum((off - beside) ** 2, axis=1) - BUMP_SQUARE
+    quiet = np.where(odds[:, None] > 0, beside, off)
+    phase, tapered = 2 * np.pi * np.outer(cycles, np.arange(n)), quiet * np.hanning(n)[:, None]
+    power = np.asarray(np.sum((np.cos(phase) @ tapered) ** 2 + (np.sin(phase) @ tapered) ** 2, axis=1), dtype=float)
+    peak = np.r_[True, power[1:] > power[:-1]] & np.r_[power[:-1] >= power[1:], True]
+    return odds, np.where(peak, power, 1e-6 * power)
+
+
+def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
+    """Blocks of one recording (q COUNT, 3) with samples that stand out of their neighbours: the worst, and more."""
+    off = fine_l / white_of(fine_l)
+    beside = np.median(np.stack([np.roll(off, shift, axis=0) for shift in range(-6, 7)]), axis=0)
+    square = np.sum((off - beside) ** 2, axis=1)
+    # What sways all along is no bump: 2.366 is the median of chi-square with 3 degrees of freedom.
+    square = square / max(1.0, float(np.median(square)) / 2.366)
+    wide = np.maximum(square, np.maximum(np.roll(square, 1), np.roll(square, -1)))
+    worst = wide.reshape(COUNT, -1).max(axis=1)
+    order = [int(block) for block in np.argsort(-worst) if worst[block] > BUMP_SQUARE]
+    return [tuple(sorted(order[:count])) for count in BUMPED if count <= len(order)]
+
+
+def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors) -> list[Cleaned]:
+    """Explanations of one recording (q COUNT, 3), the first that without tones and bumps."""
+    white = white_of(fine_l) / np.sqrt(rate_hz)
+    plain = explained_by(fine_l, rate_hz, white, (), None, 0.0)
+    if len(fine_l) < FEWEST:
+        return [plain]
+    seeking = replace(errors, white=max(errors.white, white), quantisation=0.0)
+    _, lines, masked, _, models = explored(fine_l, propose, rate_hz=rate_hz, errors=seeking)
+    share = models.posterior.sum(axis=0)
+    found: list[Cleaned] = []
+    bumps = np.count_nonzero(np.diff(masked.astype(int), prepend=0) > 0)
+    chance = BUMP * len(fine_l) / rate_hz / 100 / len(fine_l)
+    for number in np.argsort(-share)[:KEPT]:
+        if share[number] < LEAST * share.max():
+            break
+        chosen = [t for t in (models.first[number], models.second[number]) if t >= 0]
+        prior = np.log(TONES[len(chosen)]) + sum(lines.log_prior[t] for t in chosen) + np.log(max(len(chosen), 1))
+        frequencies = tuple(float(lines.frequency[t]) for t in chosen)
+        for mask in (None, masked) if bumps else (None,):
+            if not chosen and mask is None:
+                continue
+            each = prior + (0.0 if mask is None else bumps * np.log(chance))
+            found.append(explained_by(fine_l, rate_hz, white, frequencies, mask, each))
+    if bumps and not any(one.tones == 0 for one in found):
+        found.append(explained_by(fine_l, rate_hz, white, (), masked, np.log(TONES[0]) + bumps * np.log(chance)))
+    found = [replace(plain, log_weight=plain.log_weight + np.log(TONES[0])), *found]
+    return [replace(one, log_weight=one.log_weight - plain.log_weight) for one in found]
+
+
+def explained_by(
+    fine_l: Array, rate_hz: float, white: float, frequencies: tuple[float, ...], masked: Mask | None, log_prior: float
+) -> Cleaned:
+    n = len(fine_l)
+    variance = np.full(n, white**2 * rate_hz)
+    if masked is not None:
+        variance[masked] += BUMP_RATE**2
+    block = np.repeat(np.eye(COUNT), n // COUNT, axis=0) / np.sqrt(variance)[:, None]
+    seen = fine_l / np.sqrt(variance)[:, None]
+    information, product = block.T @ block, block.T @ seen
+    square, log_det = float(np.sum(seen**2)), float(np.sum(np.log(variance)))
+    if frequencies:
+        phase = 2 * np.pi * (np.arange(n)[:, None] + 0.5) / rate_hz * np.array(frequencies)
+        # Rates are means over a sample: a tone is damped by its sinc.
+        size = TONE_RATE / np.sqrt(2) * np.tile(np.sinc(np.array(frequencies) / rate_hz), 2)
+        tone = np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * size / np.sqrt(variance)[:, None]
+        inner = np.eye(tone.shape[1]) + tone.T @ tone
+        both = tone.T @ np.concatenate([block, seen], axis=1)
+        solved = np.asarray(np.linalg.solve(inner, both), dtype=float)
+        information -= both[:, :COUNT].T @ solved[:, :COUNT]
+        product -= both[:, :COUNT].T @ solved[:, COUNT:]
+        square -= float(np.sum(both[:, COUNT:] * solved[:, COUNT:]))
+        log_det += float(np.linalg.slogdet(inner)[1])
+    covariance = np.asarray(np.linalg.inv(information), dtype=float)
+    rate = covariance @ product
+    left = square - float(np.sum(product * rate))
+    log_weight = log_prior - 1.5 * log_det - 0.5 * left + 1.5 * float(np.linalg.slogdet(covariance)[1])
+    bumped = 0 if masked is None else int(masked.sum())
+    return Cleaned(rate, covariance, log_weight, white, len(frequencies), bumped)

@@ -1,0 +1,199 @@
+"""The posterior of one pose against dense Gaussian evidence and by the law of its own interval."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from gyronorth.alignment.posterior.blocks import COUNT, blocks_of
+from gyronorth.alignment.posterior.law import FINE, block_operators, law
+from gyronorth.alignment.posterior.model import posterior, weigh
+from gyronorth.alignment.posterior.tones import by_periodogram, explained_by, shows_tones
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.pipeline import heading
+from gyronorth.recording import Recording
+from gyronorth.sensor import read_sensor
+from gyronorth.sensor.law import NoiseLaw
+from gyronorth.simulation import Motion, simulate_batch
+from gyronorth.simulation.disturbance import Draw
+
+LATITUDE = np.radians(48.0)
+RATE_HZ = 5.0
+
+
+def simulated(sensor, runs, *, duration=100.0, accel=True, moves=None, seed=1):
+    rng = np.random.default_rng(seed)
+    truth = rng.uniform(0, 2 * np.pi, runs)
+    motion = Motion() if moves is None else Motion(disturbance=lambda t, *, runs, rng: moves(Draw(runs, t, rng)))
+    gyro_b, accel_b = simulate_batch(
+        sensor, runs=runs, latitude=LATITUDE, heading=truth, duration=duration, rate_hz=RATE_HZ, rng=rng, motion=motion,
+        accel=accel,
+    )  # fmt: skip
+    return gyro_b, accel_b, truth
+
+
+def judged(sensor, gyro_b, accel_b, truth, **known):
+    found = posterior(gyro_b, accel_b, rate_hz=RATE_HZ, latitude=LATITUDE, sensor=sensor, **known)
+    off = [(t - f.density.heading + np.pi) % (2 * np.pi) - np.pi for f, t in zip(found, truth, strict=True)]
+    inside = [f.density.low <= d <= f.density.high for f, d in zip(found, off, strict=True)]
+    return found, np.array(off), np.array(inside)
+
+
+def most_missed(runs, share=0.05):
+    """Misses that so many intervals with this share of them exceed in one case of 1000."""
+    return stats.binom.ppf(0.999, runs, share)
+
+
+@pytest.mark.parametrize("accel", [False, True])
+def test_evidence_is_that_of_the_dense_gaussian(accel):
+    """Every shape by a Cholesky factor of its whole covariance, the constant integrated out over a flat prior."""
+    sensor, seconds = read_sensor("isa100c"), 5.0
+    known = law(seconds, sensor, accel=accel)
+    rng, size = np.random.default_rng(3), 2 * COUNT if accel else COUNT
+    rate, trace = rng.normal(0, 1e-6, (COUNT, 3)), rng.normal(0, 1e-5, (COUNT, 2)) if accel else None
+    log_h, info_h, rate_h, *_ = weigh(known, rate, trace)
+    seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
+    both, fine = block_operators(seconds, accel=accel), np.arange(FINE * COUNT + 1)
+    own = both @ NoiseLaw(sensor.gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
+    if accel:
+        edges = np.arange(COUNT + 1)
+        force = NoiseLaw(replace(sensor.accel, turn_on_bias=0.0))
+        own[COUNT:, COUNT:] += (
+            force.mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2 + 0.02**2
+        )
+    base = int(np.flatnonzero((known.drift == 2) & (known.sway == 0))[0])
+    constant = both @ np.ones(FINE * COUNT)
+    values = []
+    for shape in (0, 5, 20, 30, 60):
+        covariance = own.copy()
+        if shape:
+            column = known.shapes.gyro[:, known.shapes.column[shape]]
+            if accel:
+                column = np.concatenate([column, known.shapes.trace[:, known.shapes.column[shape]]])
+            covariance += np.outer(column, column) * known.shapes.size[shape] ** 2
+        inverse = np.linalg.inv(covariance)
+        information = constant @ inverse @ constant
+        estimate = constant @ inverse @ seen / information
+        left = seen - constant[:, None] * estimate
+        log_p = -np.linalg.slogdet(covariance)[1] - np.log(information) - 0.5 * np.sum(left * (inverse @ left))
+        assert info_h[base, shape] == pytest.approx(information, rel=1e-6)
+        np.testing.assert_allclose(rate_h[:, base, shape], estimate, rtol=1e-5, atol=1e-12)
+        values.append(log_h[base, shape] - log_p)
+    np.testing.assert_allclose(values, values[0], atol=1e-4)
+    assert size == len(seen)
+
+
+def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
+    """Centre, covariance and weight against the dense normal law of samples with two columns for the tone."""
+    rng, rate_hz, white, frequency = np.random.default_rng(5), 2.4, 1e-6, 0.11
+    samples = 10 * COUNT
+    seen = rng.normal(0, 2e-6, (samples, 3))
+    one, none = (explained_by(seen, rate_hz, white, f, None, 0.0) for f in ((frequency,), ()))
+    phase = 2 * np.pi * frequency * (np.arange(samples) + 0.5) / rate_hz
+    from gyronorth.alignment.tones.search import TONE_RATE
+
+    size = TONE_RATE / np.sqrt(2) * np.sinc(frequency / rate_hz)
+    columns = np.stack([np.cos(phase), np.sin(phase)], axis=1) * size
+    block = np.repeat(np.eye(COUNT), 10, axis=0)
+
+    def dense(covariance):
+        inverse = np.linalg.inv(covariance)
+        information = block.T @ inverse @ block
+        centre = np.linalg.solve(information, block.T @ inverse @ seen)
+        left = seen - block @ centre
+        log_p = -1.5 * np.linalg.slogdet(covariance)[1] - 0.5 * np.sum(left * (inverse @ left))
+        return centre, np.linalg.inv(information), log_p - 1.5 * np.linalg.slogdet(information)[1]
+
+    noise = white**2 * rate_hz * np.eye(samples)
+    centre, covariance, log_p = dense(noise + columns @ columns.T)
+    np.testing.assert_allclose(one.rate_l, centre, rtol=1e-6, atol=1e-14)
+    np.testing.assert_allclose(one.covariance, covariance, rtol=1e-6, atol=1e-22)
+    assert one.log_weight - none.log_weight == pytest.approx(log_p - dense(noise)[2], rel=1e-6, abs=1e-4)
+
+
+@pytest.mark.parametrize(("name", "widest"), [("hg9900", 1.2), ("isa100c", 1.25)])
+def test_an_honest_unit_keeps_its_interval(name, widest):
+    sensor, runs = read_sensor(name), 60
+    gyro_b, accel_b, truth = simulated(sensor, runs)
+    found, _, inside = judged(sensor, gyro_b, accel_b, truth)
+    assert np.sum(~inside) <= most_missed(runs)
+    means = [heading(Recording(g, a, RATE_HZ), latitude=LATITUDE, sensor=sensor, method="mean") for g, a in
+             zip(gyro_b[:20], accel_b[:20], strict=True)]  # fmt: skip
+    ratio = np.median([f.density.sigma for f in found[:20]]) / np.median([m.sigma for m in means])
+    assert 0.9 < ratio < widest
+
+
+@pytest.mark.parametrize(
+    "moves",
+    [lambda draw: draw.wind(np.radians(0.01)), lambda draw: draw.lean(np.radians(0.1) / 100)],
+    ids=["wind", "lean"],
+)
+def test_what_the_accelerometer_sees_is_no_earth_rate(moves):
+    """The mean is wrong by 10 deg there; the trace of gravity by the noise of a slope."""
+    sensor, runs = read_sensor("hg9900"), 40
+    gyro_b, accel_b, truth = simulated(sensor, runs, moves=moves)
+    _, off, inside = judged(sensor, gyro_b, accel_b, truth)
+    assert np.sum(~inside) <= most_missed(runs)
+    slope = np.sqrt(1.2 * sensor.gyro.white**2 / 100 + 12 * (sensor.accel.white / STANDARD_GRAVITY) ** 2 / 100**3)
+    least = np.hypot(slope, sensor.gyro.turn_on_bias) / (EARTH_RATE * np.cos(LATITUDE))
+    assert np.sqrt(np.mean(off**2)) < 1.5 * least
+
+
+def test_a_bias_beyond_the_profile_widens_and_is_told():
+    sensor, runs = read_sensor("isa100c"), 40
+    worse = replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=8 * sensor.gyro.turn_on_bias))
+    gyro_b, accel_b, truth = simulated(worse, runs, duration=200.0)
+    found, _, inside = judged(sensor, gyro_b, accel_b, truth)
+    assert np.sum(~inside) <= most_missed(runs, 0.18)
+    assert np.median([f.scale for f in found]) > 2
+
+
+def test_a_settling_bias_is_found_beside_a_good_accelerometer():
+    sensor, runs = read_sensor("isa100c"), 30
+    gyro_b, accel_b, truth = simulated(sensor, runs, duration=200.0)
+    time = (np.arange(gyro_b.shape[1]) + 0.5) / RATE_HZ
+    size = 20 * sensor.gyro.turn_on_bias * np.random.default_rng(4).standard_normal((runs, 1, 3))
+    found, _, inside = judged(sensor, gyro_b + size * np.exp(-time / 60)[:, None], accel_b, truth)
+    assert np.sum(~inside) <= most_missed(runs, 0.12)
+    assert np.median([f.probability["settling"] for f in found]) > 0.8
+
+
+def test_without_a_profile_noise_is_read_at_short_lags():
+    sensor, runs = read_sensor("isa100c"), 30
+    gyro_b, accel_b, truth = simulated(sensor, runs)
+    found, _, inside = judged(None, gyro_b, accel_b, truth)
+    assert np.sum(~inside) <= most_missed(runs)
+    short = blocks_of(gyro_b, accel_b, rate_hz=RATE_HZ).white
+    np.testing.assert_allclose(np.median(short), sensor.gyro.white, rtol=0.1)
+    assert np.median([f.density.sigma for f in found]) < np.radians(10)
+
+
+def test_tones_and_bumps_are_looked_for_only_where_they_show():
+    rng, samples, rate_hz = np.random.default_rng(7), 240, 2.4
+    quiet = rng.normal(0, 1e-6, (200, samples, 3))
+    assert sum(shows_tones(one) for one in quiet) <= most_missed(200)
+    time = np.arange(samples) / rate_hz
+    sway = quiet[0] + 3e-6 * np.sin(2 * np.pi * 0.1 * time)[:, None]
+    bumped = quiet[1].copy()
+    bumped[100:103] += 1e-5
+    assert shows_tones(sway)
+    assert shows_tones(bumped)
+    cycles = np.arange(0.01, 0.3, 0.00125) / rate_hz
+    odds, weight = by_periodogram((bumped / 1e-6).astype(np.float32), np.arange(samples, dtype=np.float32), cycles)
+    assert set(np.flatnonzero(odds > 0)) == {100, 101, 102}
+    _, weight = by_periodogram((sway / 1e-6).astype(np.float32), np.arange(samples, dtype=np.float32), cycles)
+    assert cycles[np.argmax(weight)] * rate_hz == pytest.approx(0.1, abs=0.003)
+
+
+def test_the_default_path_imports_no_scipy():
+    import subprocess
+    import sys
+
+    code = (
+        "import numpy as np, sys; from gyronorth.alignment.posterior.model import posterior;"
+        "g = np.random.default_rng(0).normal(0, 1e-6, (1, 300, 3)) + [5e-5, 0, -5e-5];"
+        "posterior(g, None, rate_hz=3.0, latitude=0.7, sensor=None);"
+        "sys.exit('scipy' in sys.modules or 'onnxruntime' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
