@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from frames.encoders import CASES, Case
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from frames.encoders import CASES, Case
 from gyronorth.errors import InputError
 from gyronorth.frames import NAMES, FrameStream, Options, Samples, decode, recognise
 from gyronorth.frames.clock import NOMINAL_HZ, rate_of_clock
@@ -143,6 +143,12 @@ def test_a_protocol_is_recognised_by_its_frames(name):
     case = made(name, 40)
     data = case.preamble + b"".join(case.frames)
     assert recognise(data[3:-2]) == case.protocol
+
+
+def test_a_few_frames_are_no_protocol():
+    frames = made("sbg-short").frames
+    assert recognise(b"".join(frames[:3])) is None
+    assert recognise(b"".join(frames[:4])) == "sbg"
 
 
 def test_nothing_is_recognised_in_noise_and_text():

@@ -6,7 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gyronorth.errors import InputError
+from gyronorth.frames import recognise
+from gyronorth.frames.recognition import LOOK
 from gyronorth.readers.delimited import open_csv
+from gyronorth.readers.frames import open_frames
 from gyronorth.readers.hdf5 import SIGNATURE as HDF5_SIGNATURE
 from gyronorth.readers.hdf5 import open_hdf5
 from gyronorth.readers.mat import open_mat
@@ -31,6 +34,7 @@ FORMATS: dict[str, Callable[[Path, ReadOptions], Source]] = {
     "rosbag1": open_rosbag1,
     "rosbag2": open_rosbag2,
     "mcap": open_mcap,
+    "frames": open_frames,
 }
 #: Suffixes that say the format; .txt and others are looked into.
 SUFFIXES = {
@@ -67,7 +71,11 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
             raise InputError(f"{path.name} is empty.")
         if path.is_file():
             _check_unpacked(path)
-        name = "rosbag2" if path.is_dir() else options.format or SUFFIXES.get(path.suffix.lower()) or _sniffed(path)
+        name = (
+            "rosbag2"
+            if path.is_dir()
+            else options.format or _by_protocol(options) or SUFFIXES.get(path.suffix.lower()) or _sniffed(path)
+        )
         if name not in FORMATS:
             raise InputError(f"format is {name!r}; one of {', '.join(FORMATS)} is expected.")
         if options.variable is not None and name not in _VARIABLES:
@@ -85,6 +93,10 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} cannot be read: {error}.") from None
+
+
+def _by_protocol(options: ReadOptions) -> str | None:
+    return "frames" if options.protocol else None
 
 
 def _check_unpacked(path: Path) -> None:
@@ -156,9 +168,9 @@ def _sniffed(path: Path) -> str:
         return "psins"
     if head.startswith(b"//") or b"PacketCounter\t" in head:
         return "mt-manager"
-    return "csv"
+    return "frames" if recognise(_head(path, LOOK)) else "csv"
 
 
-def _head(path: Path) -> bytes:
+def _head(path: Path, size: int = 4096) -> bytes:
     with path.open("rb") as file:
-        return file.read(4096)
+        return file.read(size)
