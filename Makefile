@@ -1,6 +1,6 @@
 # Two targets are all that a newcomer needs, and each builds .venv by itself:
 #   make demo   a heading from the shipped recording, report in out/ (small install, no PyTorch)
-#   make test   all extras, then every test
+#   make test   all extras, then the tests (`make fast`: the quick ones; `make long`: the hours before a release)
 # Another interpreter: make demo PYTHON=python3.12
 
 PYTHON ?= python3
@@ -12,16 +12,15 @@ DEMO := examples/data/demo.npz
 DEMO_SIZE_LIMIT := 450
 
 .DELETE_ON_ERROR:
-.PHONY: browser demo test fast check examples docs outputs pictures readme demo-recording size audit constraints clean
+.PHONY: browser demo test fast long check examples docs outputs pictures readme demo-recording size audit constraints clean
 
 demo: .venv/.demo
 	@mkdir -p out
 	$(BIN)/gyronorth heading $(DEMO) --sensor sdc500 --plot out/demo.png --report out/demo.html
 	@echo "The report is in out/demo.html"
 
-# Two workers side by side: threads of the matrix library on top of them would only be in each other's way.
-test fast: export OMP_NUM_THREADS := 1
-test fast: export OPENBLAS_NUM_THREADS := 1
+# The tests start some 200 processes. Each would compile its libraries again where Python may not keep what it compiles.
+test fast long: unexport PYTHONDONTWRITEBYTECODE
 
 test: .venv/.all
 	$(BIN)/python -m pytest -n 2
@@ -29,6 +28,10 @@ test: .venv/.all
 # What the two-minute loop of development runs.
 fast: .venv/.all
 	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+# Statistics of many runs, soaks and trainings: before every release, and by whoever touches what they judge.
+long: .venv/.all
+	$(BIN)/python -m pytest -n 2 -m long
 
 # Chromium from Debian, for the tests of the live page; without it they are skipped, but fail in CI.
 browser:
@@ -83,7 +86,7 @@ constraints:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; give one with PYTHON=..., found " + sys.version)'
 	$(PYTHON) -m venv .venv
 
-# --no-compile: Python compiles what it imports; compiling everything costs 96 MB.
+# --no-compile: Python compiles what it imports; compiling everything costs 96 MB of the small install.
 .venv/.demo: pyproject.toml constraints.txt | .venv/bin/python
 	$(PIP) --no-compile hatchling editables
 	$(PIP) --no-compile --no-build-isolation --editable ".[learned]"
@@ -91,6 +94,7 @@ constraints:
 
 .venv/.all: .venv/.demo
 	$(PIP) --no-build-isolation --editable ".[$(EXTRAS)]"
+	$(BIN)/python -m compileall -q -j 0 $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') || true
 	@touch $@
 
 clean:

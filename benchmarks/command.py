@@ -18,6 +18,8 @@ from benchmarks.comparison import Comparison
 from gyronorth.readers import write
 from gyronorth.simulation import simulate
 
+#: What a help text needs of its libraries.
+LIBRARIES = "import typer.core, typer.rich_utils"
 DURATION, RATE_HZ, SEED = 100.0, 600.0, 20260501
 MEMORY_MB = 400
 SCRIPT = """
@@ -37,7 +39,13 @@ def comparisons() -> Iterator[Comparison]:
     """Start-up of the command; the whole command on 100 s at 600 Hz."""
     command = [sys.executable, "-m", "gyronorth.cli"]
     yield Comparison(
-        "gyronorth --help", ours="gyronorth", candidates={"gyronorth": lambda: _run([*command, "--help"])}, limit=0.5
+        "gyronorth --help beside importing what it is made with",
+        ours="gyronorth --help",
+        candidates={
+            "gyronorth --help": lambda: _run([*command, "--help"]),
+            "import of typer and rich": lambda: _run([sys.executable, "-c", LIBRARIES]),
+        },
+        targets={"import of typer and rich": 0.6},
     )
     with tempfile.TemporaryDirectory() as folder:
         path, script = Path(folder) / "rec.csv", Path(folder) / "script.py"

@@ -1,11 +1,34 @@
-"""Fixtures that several test modules use."""
+"""What holds for every test: threads, chance, markers; and fixtures that several modules use."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
+
+#: One thread of the matrix library, unless told otherwise; before numpy is loaded, and for every process that a test
+#: starts. On the small matrices here two threads take ten times as long as one, waiting for each other.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+# A busy machine is no fault of the code: no example has a deadline. In CI the examples are the same in every run, so
+# that what fails is the change under test; at a desk they are new each time, and a failure tells how to repeat it.
+hypothesis.settings.register_profile(
+    "gyronorth",
+    deadline=None,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+    derandomize=bool(os.environ.get("CI")),
+    print_blob=True,
+)
+hypothesis.settings.load_profile("gyronorth")
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """What is long is slow too: `-m "not slow"` leaves out both."""
+    if item.get_closest_marker("long"):
+        item.add_marker("slow")
 
 
 @pytest.fixture(scope="session")

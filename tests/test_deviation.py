@@ -125,23 +125,23 @@ def test_the_coupling_is_not_extrapolated():
 
 def test_gaussian_evidence_is_the_marginal_likelihood():
     # With one setting and Gaussian noise the lower bound is tight: log N(y; 0, K + s^2 I), by scipy.
-    from gyronorth.deviation import _covariance, _evidence
+    from gyronorth.deviation import error_covariance, evidence_bound
 
     heading, surplus, truth = recordings(9, np.random.default_rng(9))
     error, settings = angle_error(heading, truth), np.array([[0.05, 0.1, 0.4, 0.3]])
-    _, evidence = _evidence(heading, surplus, error, settings, np.ones((1, 9)), 1e7, 20)
-    covariance = _covariance(heading, surplus, settings, np.full((1, 9), 0.05**2))[0]
+    _, evidence = evidence_bound(heading, surplus, error, settings, np.ones((1, 9)), 1e7, 20)
+    covariance = error_covariance(heading, surplus, settings, np.full((1, 9), 0.05**2))[0]
     assert_allclose(evidence, stats.multivariate_normal(np.zeros(9), covariance).logpdf(error), atol=1e-4)
 
 
 def test_student_evidence_is_a_lower_bound_for_one_recording():
     # Exactly: integral of t_4(y - f; s) N(f; 0, v) df. The bound lies below: by less than 0.3, at an
     # outlier, where the posterior of f has two modes, by less than 0.6.
-    from gyronorth.deviation import _evidence
+    from gyronorth.deviation import evidence_bound
 
     settings = np.array([[0.05, 0.1, 0.4, 0.0]])
     for y, slack in ((0.01, 0.3), (0.1, 0.3), (0.4, 0.6)):
-        _, bound = _evidence(np.zeros(1), np.zeros(1), np.array([y]), settings, np.ones((1, 1)), 4.0, 100)
+        _, bound = evidence_bound(np.zeros(1), np.zeros(1), np.array([y]), settings, np.ones((1, 1)), 4.0, 100)
         f = np.linspace(-1, 1, 40001)
         exact = np.log(np.trapezoid(stats.t.pdf((y - f) / 0.05, 4) / 0.05 * stats.norm.pdf(f, scale=0.1), f))
         assert exact - slack < bound[0] <= exact
@@ -149,19 +149,19 @@ def test_student_evidence_is_a_lower_bound_for_one_recording():
 
 def test_left_out_scatter_agrees_with_leaving_out():
     # noise_future of one setting against brute force
-    from gyronorth.deviation import _covariance, _scatter_left_out
+    from gyronorth.deviation import error_covariance, scatter_left_out
 
     heading, surplus, truth = recordings(15, np.random.default_rng(10))
     error, settings = angle_error(heading, truth), np.array([[0.05, 0.1, 0.4, 0.3]])
     noise = np.full((1, 15), 0.05**2)
-    covariance = _covariance(heading, surplus, settings, noise)[0]
+    covariance = error_covariance(heading, surplus, settings, noise)[0]
     total = 0.0
     for i in range(15):
         rest = np.delete(np.arange(15), i)
         gain = covariance[i, rest] @ np.linalg.inv(covariance[np.ix_(rest, rest)])
         latent = covariance[i, i] - 0.05**2 - gain @ covariance[rest, i]
         total += (error[i] - gain @ error[rest]) ** 2 - latent
-    assert_allclose(_scatter_left_out(heading, surplus, error, settings, noise), total / 15 * 15 / 12)
+    assert_allclose(scatter_left_out(heading, surplus, error, settings, noise), total / 15 * 15 / 12)
 
 
 def test_classical_curve_recovers_its_coefficients():

@@ -15,7 +15,6 @@ from gyronorth.evaluation import (
     coverage,
     leave_arcs_out,
     leave_one_out,
-    leave_sets_out,
     random_splits,
     share_of_wins,
 )
@@ -45,21 +44,6 @@ def test_arcs_are_neighbours_on_the_circle_whatever_the_order_of_the_recordings(
     arcs = [set(split.test.tolist()) for split in leave_arcs_out(heading, 2)]
     assert arcs == [{1, 5}, {5, 3}, {3, 2}, {2, 4}, {4, 0}, {0, 1}]
     assert all(len(split.train) == 4 for split in leave_arcs_out(heading, 2))
-
-
-def test_sets_are_left_out_whole():
-    splits = leave_sets_out(["a", "b", "a", "c"])
-    assert [split.test.tolist() for split in splits] == [[0, 2], [1], [3]]
-    with pytest.raises(ValueError, match="1 set of recordings"):
-        leave_sets_out(["a", "a"])
-
-
-def test_windows_of_a_recording_stay_together():
-    recording = np.repeat(np.arange(34), 2)
-    split = random_splits(34, 1, rng=rng())[0].of_windows(recording)
-    sides = [set(recording[part]) for part in (split.train, split.validation, split.test)]
-    assert [len(side) for side in sides] == [24, 4, 6]
-    assert len(set.union(*sides)) == 34
 
 
 def test_a_recording_in_two_parts_is_refused():

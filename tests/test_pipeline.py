@@ -41,7 +41,7 @@ def test_an_output_that_hangs_is_warned_of(rate_hz, first, held):
     assert "frozen" not in {w.code for w in heading(replace(recording, gyro_b=gyro_b), sensor="sdc500").warnings}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     heading_=floats(0, 6.28), roll=floats(-1.05, 1.05), pitch=floats(-1.05, 1.05), latitude=floats(-1.4, 1.4)
 )  # fmt: skip

@@ -22,7 +22,7 @@ from gyronorth.readers import read
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.simulation import Motion, simulate
-from gyronorth.streaming import MOST_POSES, MOST_ROWS, TRACE_POINTS, WAITING, StreamingHeading, _merged
+from gyronorth.streaming import MOST_POSES, MOST_ROWS, TRACE_POINTS, WAITING, StreamingHeading, merged_rows
 
 DEG = np.pi / 180
 LATITUDE = 48 * DEG
@@ -181,7 +181,7 @@ def in_one_block(name):
     return stream_of(scene(name), blocks=(10**6,), sensor=SENSOR, method="mean")
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     blocks=st.lists(st.integers(1, 5000), min_size=1, max_size=8).filter(lambda sizes: sum(sizes) > 100 * len(sizes))
 )
@@ -212,16 +212,16 @@ def test_merged_rows_turn_as_their_samples(rate, first):
     product = np.eye(3)
     for step in rotation(rows / 10.0):
         product = product @ step
-    at_once = _merged(rows, 12, rate_hz=10.0)
+    at_once = merged_rows(rows, 12, rate_hz=10.0)
     assert_allclose(rotation(at_once[0] * 1.2), product, atol=1e-9)
-    two_steps = _merged(_merged(rows, first, rate_hz=10.0), 12 // first, rate_hz=10.0 / first)
+    two_steps = merged_rows(merged_rows(rows, first, rate_hz=10.0), 12 // first, rate_hz=10.0 / first)
     assert_allclose(rotation(two_steps[0] * 1.2), product, atol=1e-9)
 
 
 def test_many_revolutions_in_a_row_are_kept():
     """A steady 3 revolutions per second: 9 of them in 3 s, not none."""
     rows = np.tile([0.0, 0.0, 6 * np.pi], (300, 1))
-    assert_allclose(_merged(rows, 300, rate_hz=100.0), [[0.0, 0.0, 6 * np.pi]], rtol=1e-9)
+    assert_allclose(merged_rows(rows, 300, rate_hz=100.0), [[0.0, 0.0, 6 * np.pi]], rtol=1e-9)
 
 
 # --- memory and work ------------------------------------------------------------------------------
@@ -263,8 +263,10 @@ def test_memory_and_work_do_not_grow_with_time(monkeypatch):
 def test_rows_merged_do_not_grow_with_time(monkeypatch):
     """Samples pass once; rows once per doubling of the time: fewer in all than there were samples."""
     counted = []
-    merged = streaming._merged
-    monkeypatch.setattr(streaming, "_merged", lambda rows, *a, **k: counted.append(len(rows)) or merged(rows, *a, **k))
+    merged = streaming.merged_rows
+    monkeypatch.setattr(
+        streaming, "merged_rows", lambda rows, *a, **k: counted.append(len(rows)) or merged(rows, *a, **k)
+    )
     stream = StreamingHeading(rate_hz=600, latitude=LATITUDE, accelerometer=False)
     work = []
     for _ in range(8):

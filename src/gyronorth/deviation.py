@@ -111,7 +111,7 @@ class DeviationModel:
         heading, surplus = np.atleast_1d(np.asarray(heading, float)), np.atleast_1d(np.asarray(surplus, float))
         surplus = np.clip(surplus, self.surplus.min(), self.surplus.max())
         _, curve, length, coupling = self.settings.T
-        inverse = np.linalg.inv(_covariance(self.heading, self.surplus, self.settings, self.noise_variance))
+        inverse = np.linalg.inv(error_covariance(self.heading, self.surplus, self.settings, self.noise_variance))
         cross = _kernel(heading, self.heading, curve, length)
         cross += coupling[:, None, None] ** 2 * np.outer(surplus, self.surplus)
         gain = cross @ inverse
@@ -220,10 +220,12 @@ def fit_deviation(
     error = angle_error(heading, truth)
     scale = np.sqrt(np.mean(error**2)) + 1e-12  # the addend keeps a perfect set of recordings from dividing by 0
     settings, log_prior = _ensemble(prior, scale)
-    precision, evidence = _evidence(heading, surplus, error, settings, np.ones((1, len(error))), prior.dof, ROUNDS[0])
+    precision, evidence = evidence_bound(
+        heading, surplus, error, settings, np.ones((1, len(error))), prior.dof, ROUNDS[0]
+    )
     kept = log_prior + evidence > np.max(log_prior + evidence) - SCREEN
     settings, log_prior, precision = settings[kept], log_prior[kept], precision[kept]
-    precision, evidence = _evidence(heading, surplus, error, settings, precision, prior.dof, ROUNDS[1])
+    precision, evidence = evidence_bound(heading, surplus, error, settings, precision, prior.dof, ROUNDS[1])
     log_weight = log_prior + evidence
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
@@ -236,7 +238,7 @@ def fit_deviation(
         weight=weight[keep] / weight[keep].sum(),
         settings=settings,
         noise_variance=noise_variance,
-        noise_future=_scatter_left_out(heading, surplus, error, settings, noise_variance),
+        noise_future=scatter_left_out(heading, surplus, error, settings, noise_variance),
         sigma_elsewhere=_bias_scatter(heading, surplus, truth),
         unit=unit,
         session=session,
@@ -300,7 +302,8 @@ def _kernel(a: NDArray, b: NDArray, curve: NDArray, length: NDArray) -> NDArray:
     return curve[:, None, None] ** 2 * (1 + ratio) * np.exp(-ratio)
 
 
-def _covariance(heading: NDArray, surplus: NDArray, settings: NDArray, noise_variance: NDArray) -> NDArray:
+def error_covariance(heading: NDArray, surplus: NDArray, settings: NDArray, noise_variance: NDArray) -> NDArray:
+    """Covariance (k, n, n) of the errors of n recordings under each of k settings (noise, curve, length, coupling)."""
     _, curve, length, coupling = settings.T
     covariance = _kernel(heading, heading, curve, length)
     covariance += coupling[:, None, None] ** 2 * np.outer(surplus, surplus)
@@ -309,7 +312,7 @@ def _covariance(heading: NDArray, surplus: NDArray, settings: NDArray, noise_var
     return covariance
 
 
-def _scatter_left_out(
+def scatter_left_out(
     heading: NDArray, surplus: NDArray, error: NDArray, settings: NDArray, noise_variance: NDArray
 ) -> NDArray:
     """Variance (k,) of a new recording about the curve, so that the recordings, each left out, agree with sigma.
@@ -317,7 +320,7 @@ def _scatter_left_out(
     The left-out residual of recording i is (C^-1 y)_i / (C^-1)_ii and its variance 1 / (C^-1)_ii
     (Rasmussen and Williams, eq. 5.12), of which its own noise is a part.
     """
-    inverse = np.linalg.inv(_covariance(heading, surplus, settings, noise_variance))
+    inverse = np.linalg.inv(error_covariance(heading, surplus, settings, noise_variance))
     diagonal = np.diagonal(inverse, axis1=1, axis2=2)
     residual = (inverse @ error) / diagonal
     latent = 1 / diagonal - noise_variance
@@ -325,7 +328,7 @@ def _scatter_left_out(
     return scatter * len(error) / (len(error) - 3)  # noise, curve and coupling were fitted to the same recordings
 
 
-def _evidence(
+def evidence_bound(
     heading: NDArray,
     surplus: NDArray,
     error: NDArray,
@@ -339,7 +342,7 @@ def _evidence(
 
     variance, index = settings[:, :1] ** 2, np.arange(len(error))
     shape, shape_0 = (dof + 1) / 2, dof / 2
-    signal = _covariance(heading, surplus, settings, np.zeros((len(settings), len(error))))
+    signal = error_covariance(heading, surplus, settings, np.zeros((len(settings), len(error))))
 
     def posterior(precision: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         noise = variance / precision

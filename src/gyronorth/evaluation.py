@@ -1,12 +1,12 @@
-"""Judging headings: splits by recording, arc or set; circular errors; intervals over recordings.
+"""Judging headings: splits by recording or arc; circular errors; intervals over recordings.
 
-Nothing here knows how a heading was made. Windows of one recording share their fold always:
-splits are of recordings, and `Split.of_windows` carries them over to windows.
+Nothing here knows how a heading was made. Splits are of recordings: windows of one recording
+are always on the same side.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,12 +40,6 @@ class Split:
         """Training and validation together: what a method without validation may learn from."""
         return np.concatenate([self.train, self.validation])
 
-    def of_windows(self, recording: ArrayLike) -> Split:
-        """The same split of windows, given which recording each window comes from."""
-        recording = np.asarray(recording)
-        parts = (np.flatnonzero(np.isin(recording, part)) for part in (self.train, self.test, self.validation))
-        return Split(*parts)
-
 
 def leave_one_out(count: int) -> list[Split]:
     """Each of `count` recordings tested once, all others known."""
@@ -64,15 +58,6 @@ def leave_arcs_out(heading: ArrayLike, arc: int) -> list[Split]:
         raise ValueError(f"arc is {arc}; 1 to {count - 1} recordings can be left out of {count}.")
     turns = (np.roll(order, -start) for start in range(count))
     return [Split(np.sort(turn[arc:]), turn[:arc], _NONE) for turn in turns]
-
-
-def leave_sets_out(labels: Sequence[Hashable]) -> list[Split]:
-    """All recordings of one set (unit, session) tested, those of all other sets known."""
-    names = list(dict.fromkeys(labels))
-    if len(names) < 2:
-        raise ValueError(f"{len(names)} set of recordings came in; leaving a set out needs at least 2.")
-    which = np.array([names.index(label) for label in labels])
-    return [Split(np.flatnonzero(which != i), np.flatnonzero(which == i), _NONE) for i in range(len(names))]
 
 
 def random_splits(

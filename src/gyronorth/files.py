@@ -11,7 +11,7 @@ import errno
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
@@ -32,7 +32,7 @@ _CURES = {
 
 
 @contextmanager
-def written_beside(path: str | os.PathLike[str], *, durable: bool = False) -> Iterator[Path]:
+def written_beside(path: str | os.PathLike[str], *, durable: bool = False) -> Generator[Path]:
     """An empty file in the folder of `path` to write into, renamed to `path` when the block ends well.
 
     A symbolic link keeps pointing where it did, and its target is replaced. Devices and pipes
@@ -72,7 +72,7 @@ def written_beside(path: str | os.PathLike[str], *, durable: bool = False) -> It
 
 
 @contextmanager
-def folder_beside(folder: str | os.PathLike[str]) -> Iterator[Path]:
+def folder_beside(folder: str | os.PathLike[str]) -> Generator[Path]:
     """An empty folder beside `folder` to write into, which takes its place when the block ends well.
 
     Folders that lead there are made. Its files are forced to the disk first. An old folder
@@ -123,7 +123,7 @@ def write_text(path: str | os.PathLike[str], text: str, *, errors: str = "strict
 
 
 @contextmanager
-def no_empty_folder(folder: Path) -> Iterator[None]:
+def no_empty_folder(folder: Path) -> Generator[None]:
     """If the block fails and `folder` was made within it and is still empty, it goes, with its parents made for it."""
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -172,12 +172,12 @@ def _remove_tree(folder: Path) -> None:
 
 
 @contextmanager
-def _errors_told(path: Path, beside: Path) -> Iterator[None]:
+def _errors_told(path: Path, beside: Path) -> Generator[None]:
     """Turn what the operating system says of this place into one message; errors of other files pass."""
     try:
         yield
     except OSError as error:
-        if isinstance(error.filename, str | bytes | os.PathLike):  # none where a write failed
+        if isinstance(error.filename, str | bytes):  # none where a write failed
             file = Path(os.fsdecode(error.filename))
             if not file.is_relative_to(beside) and file.resolve() != path.resolve():
                 raise
@@ -191,7 +191,7 @@ class _Terminated(BaseException):
 
 
 @contextmanager
-def _until_sigterm() -> Iterator[None]:
+def _until_sigterm() -> Generator[None]:
     """Let SIGTERM unwind the block before it ends the process, where nothing else waits for that signal."""
     ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     if not ours:

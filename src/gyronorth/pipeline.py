@@ -151,7 +151,7 @@ def heading_batch(
     _check_session(method, options)
     profile = None if sensor is None else read_sensor(sensor)
     group = max(1, GROUP_SAMPLES // gyro.shape[1])
-    pieces = []
+    pieces: list[HeadingBatch] = []
     for start in range(0, len(gyro), group):
         part = slice(start, start + group)
         problem = Problem(gyro[part], None if accel is None else accel[part], rate_hz, latitude, profile)

@@ -306,7 +306,7 @@ class _Store:
             full = MOST_ROWS // self._factor * self._factor
             rows = min((self._next - done) // self.size, full - self.count)
             part = waiting[done : done + rows * self.size]
-            self.rows[self.count : self.count + rows] = _merged(part, self.size, rate_hz=self._sample_hz)
+            self.rows[self.count : self.count + rows] = merged_rows(part, self.size, rate_hz=self._sample_hz)
             self.count, done = self.count + rows, done + rows * self.size
             if self.count == full:
                 self._make_room()
@@ -325,7 +325,7 @@ class _Store:
         if self.rate_hz / self._factor < self._lowest_hz:
             self.drop(self.count // 2)
             return
-        merged = _merged(self.rows[: self.count], self._factor, rate_hz=self.rate_hz)
+        merged = merged_rows(self.rows[: self.count], self._factor, rate_hz=self.rate_hz)
         self.size, self.count = self.size * self._factor, len(merged)
         self.rows[: self.count] = merged
         self._factor = next(self._factors)
@@ -346,7 +346,7 @@ def _factors(chunk: int) -> Iterator[int]:
     yield from repeat(2)
 
 
-def _merged(rows: Array, size: int, *, rate_hz: float) -> Array:
+def merged_rows(rows: Array, size: int, *, rate_hz: float) -> Array:
     """Every `size` rows (n, columns) as one: the steady rate of their rotation, the mean of the rest."""
     if size == 1:
         return rows

@@ -15,9 +15,9 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 from gyronorth.allan import allan_deviation, characterise, deviation, identification, identified_sensor, identify
-from gyronorth.allan.characterisation import _with_turn_on_bias
+from gyronorth.allan.characterisation import with_turn_on_bias
 from gyronorth.allan.deviation import allan_variance, degrees_of_freedom, octaves
-from gyronorth.allan.identification import _Fit
+from gyronorth.allan.identification import AllanFit
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE, earth_rate_n
 from gyronorth.errors import InputError
@@ -116,7 +116,7 @@ def test_chunks_do_not_show(chunk, monkeypatch):
     assert_allclose(allan_variance(x, m), whole, rtol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     n=st.integers(10, 300),
@@ -216,10 +216,10 @@ def test_flicker_of_the_model_is_flat_at_0_664():
 def test_covariance_has_the_degrees_of_freedom_of_the_table(k, slope, within):
     n = 20_000
     m = octaves(n, 0.1)[4:]
-    fit = _Fit(m, np.ones(len(m)), n, 10.0, axes=1, flicker_longest=1e5)
+    fit = AllanFit(m, np.ones(len(m)), n, 10.0, axes=1, flicker_longest=1e5)
     fit.model_error = 0.0
     square = np.eye(4)[k]
-    dof = 2 * (fit._columns @ square) ** 2 / np.diag(fit.covariance(square))
+    dof = 2 * (fit.columns @ square) ** 2 / np.diag(fit.covariance(square))
     assert_allclose(dof, degrees_of_freedom(m, n, slope), rtol=within)
 
 
@@ -230,7 +230,7 @@ def test_covariance_has_the_correlation_of_simulated_estimates():
     for seed, errors in enumerate((TriadErrors(white=1.0), TriadErrors(white=1.0, random_walk=0.2))):
         x = series(errors, 600, n, rate_hz, seed=seed)
         drawn = np.corrcoef([allan_variance(column, m) for column in x.T], rowvar=False)
-        fit = _Fit(m, np.ones(len(m)), n, rate_hz, axes=1, flicker_longest=1000.0)
+        fit = AllanFit(m, np.ones(len(m)), n, rate_hz, axes=1, flicker_longest=1000.0)
         fit.model_error = 0.0
         covariance = fit.covariance(np.array([0, errors.white**2, 0, errors.random_walk**2]))
         scale = np.sqrt(np.diag(covariance))
@@ -449,7 +449,7 @@ def test_inferred_turn_on_bias_claims_95_percent_for_another_axis(latitude):
         rate_n = earth_rate_n(true_latitude) + bias_n
         c, s = np.cos(direction), np.sin(direction)
         rate_b = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ rate_n
-        sensor, _ = _with_turn_on_bias(Sensor("", TriadErrors()), rate_b, np.array([0.0, 0.0, -9.8]), latitude)
+        sensor, _ = with_turn_on_bias(Sensor("", TriadErrors()), rate_b, np.array([0.0, 0.0, -9.8]), latitude)
         inside.append(abs(bias_n[1]) <= 1.959964 * sensor.gyro.turn_on_bias)
     assert 0.95 - 0.016 < np.mean(inside) < 0.95 + 0.016
 

@@ -56,7 +56,7 @@ def encoded(rows: list[str]) -> list[bytes]:
     return [row.strip().encode() for row in rows]
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.data())
 def test_rows_are_the_same_however_the_bytes_are_cut(data):
     lines = encoded(ROWS[:40])
@@ -231,7 +231,7 @@ def test_a_clock_that_was_set_begins_a_new_stretch_and_loses_no_row(jump):
 EVENTS = st.sampled_from([0.01] * 12 + [0.0, -0.01, -0.5, 0.05, 4.0, 9.0, -100.0, 1e4])
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(EVENTS, min_size=1, max_size=60), st.data())
 def test_no_row_is_lost_or_made_up_and_time_rises(steps, data):
     times = np.round(np.cumsum(steps), 6).tolist()

@@ -264,7 +264,7 @@ def test_a_listener_that_does_not_read_is_dropped_and_the_others_are_served(stat
             socket.create_connection(("127.0.0.1", out.port)) as other,
             other.makefile("rb") as stream,
         ):
-            until(lambda: len(stream.readline()) and len(out._clients) == 1)
+            until(lambda: len(stream.readline()) and out.listeners == 1)
             assert len(stream.readline()) == 200_001
     finally:
         out.close()

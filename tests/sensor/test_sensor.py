@@ -129,7 +129,7 @@ triads = st.builds(
 
 
 @given(gyro=triads, accel=triads, g_sensitivity=values, source=st.text(max_size=40))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_written_sensor_reads_back_the_same(tmp_path_factory, gyro, accel, g_sensitivity, source):
     source = source.encode("utf-8", "ignore").decode()
     sensor = Sensor("unit 7", gyro, accel, g_sensitivity * 1e-3, source)

@@ -199,7 +199,7 @@ def peaks_of(problem: Problem) -> tuple[Array, Array | None]:
 
 def saturation_gates(sensor: Sensor | None, peaks: tuple[Array, Array | None]) -> list[Gate]:
     """Gates on the sensor's ranges, where the profile states them."""
-    gates = []
+    gates: list[Gate] = []
     gyro, accel = peaks
     if sensor is not None and np.isfinite(sensor.gyro.saturation):
         unit = np.pi / 180

@@ -55,7 +55,7 @@ def align_inertial(gyro_b: Array, accel_b: Array, *, rate_hz: float, latitude: f
         size = 1
     force = block_means(rotate(middle, accel_b), size)
     force = force / np.linalg.norm(force.mean(axis=-2), axis=-1)[..., None, None]
-    time = (np.arange(force.shape[-2]) + 0.5) * size / rate_hz
+    time: Array = (np.arange(force.shape[-2], dtype=float) + 0.5) * size / rate_hz
     expected = rotate(_earth_turn(latitude, time), np.array([0.0, 0.0, -1.0]))
     mat = _wahba(force, expected)
     traced = np.einsum("...ij,...tj->...ti", mat, force)
@@ -85,7 +85,7 @@ def _wahba(force: Array, expected: Array) -> Array:
 
 def _mean_attitude(mat: Array, middle: Array, latitude: float, rate_hz: float) -> tuple[Array, Array, Array]:
     """Mean heading, roll and pitch of the body over the record, rad."""
-    time = (np.arange(middle.shape[-2]) + 0.5) / rate_hz
+    time: Array = (np.arange(middle.shape[-2], dtype=float) + 0.5) / rate_hz
     back = conjugate(_earth_turn(latitude, time))
 
     def in_n(axis_b: Array) -> Array:

@@ -89,7 +89,7 @@ def motion_statistics(
         change = np.maximum(square - own_change, 0)
         oscillation = np.maximum(moved.tilt_variance, 0)
         # Sway looks like noise of the gyro, but not in the difference of gyro and tilt.
-        white = np.where(detected, np.minimum(white, moved.tilt_noise / duration**2), white)
+        white = np.asarray(np.where(detected, np.minimum(white, moved.tilt_noise / duration**2), white), dtype=float)
         white_is_noise = np.ones_like(detected)
     return MotionStatistics(
         sway=moved,

@@ -97,9 +97,10 @@ class _Methods(Mapping[str, Method]):
 
     def __contains__(self, name: object) -> bool:
         try:
-            return self[str(name)] is not None
+            self[str(name)]
         except InputError:
             return False
+        return True
 
     def info(self, name: str) -> MethodInfo:
         """The row of a method, without importing it."""
@@ -209,7 +210,7 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
         return [(everything, problem, unknown(problem.mean, refusals=(too_short,)))]
     if METHODS.info(name).batched:
         return [(everything, problem, method.solve(problem, options))]
-    groups, rest = [], everything
+    rest, groups = everything, list[tuple[Mask, Problem, Result]]()
     if isinstance(method, Sorting):
         other, left = method.leaves(problem)
         if left.any():

@@ -150,7 +150,7 @@ def _explained(finding: Finding, problem: Problem) -> Finding:
 
 
 def _warnings(problem: Problem, result: Result) -> list[Finding]:
-    warnings = []
+    warnings: list[Finding] = []
     if problem.sensor is None:
         message = "No sensor profile: the size of the gyro's errors is inferred from the recording itself."
         warnings.append(Finding("bias_unknown", message))

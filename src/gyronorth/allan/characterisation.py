@@ -148,7 +148,7 @@ def characterise(
         accel=sensor.accel if accel is None else replace(sensor.accel, **_figures(accel)),
     )
     if base is None:
-        sensor, remarks = _with_turn_on_bias(sensor, rate_b, force_b if len(force_b) else None, latitude)
+        sensor, remarks = with_turn_on_bias(sensor, rate_b, force_b if len(force_b) else None, latitude)
     else:
         remarks = [f"Turn-on bias and all that Allan deviation cannot see are those of {base.name}."]
     if accel is None and base is None:
@@ -237,7 +237,7 @@ def _remarks(what: str, report: TriadReport) -> list[str]:
     return remarks
 
 
-def _with_turn_on_bias(
+def with_turn_on_bias(
     sensor: Sensor, rate_b: Array, force_b: Array | None, latitude: float | None
 ) -> tuple[Sensor, list[str]]:
     """The sensor with turn-on biases inferred from the mean rate and specific force; see `characterise`."""

@@ -207,7 +207,7 @@ def chi_square_point(probability: ArrayLike, dof: ArrayLike) -> Array:
     """The point below which a chi-square variable of `dof` falls with `probability`."""
     from scipy.special import gammaincinv  # scipy.stats, which has it ready, takes a second to load
 
-    return 2 * gammaincinv(np.asarray(dof, dtype=float) / 2, probability)
+    return np.asarray(2 * gammaincinv(np.asarray(dof, dtype=float) / 2, np.asarray(probability, dtype=float)))
 
 
 def _slope(m: Array, variance: Array) -> Array:

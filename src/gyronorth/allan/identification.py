@@ -180,11 +180,11 @@ def _check_repeats(m: Array, variance: Array, rate_hz: float) -> None:
         )
 
 
-def _best_fit(m: Array, variance: Array, n: int, rate_hz: float, *, axes: int, flicker_longest: float) -> _Fit:
+def _best_fit(m: Array, variance: Array, n: int, rate_hz: float, *, axes: int, flicker_longest: float) -> AllanFit:
     """The fit from the shortest averaging time that the model holds from; else the best one, with its misfit."""
-    fits: list[_Fit] = []
+    fits: list[AllanFit] = []
     for first in range(len(m) - FEWEST_OCTAVES + 1):
-        fits.append(_Fit(m[first:], variance[first:], n, rate_hz, axes=axes, flicker_longest=flicker_longest))
+        fits.append(AllanFit(m[first:], variance[first:], n, rate_hz, axes=axes, flicker_longest=flicker_longest))
         if fits[-1].strain <= 1:
             return fits[-1]
     best = min(fits, key=lambda fit: fit.strain)
@@ -197,7 +197,7 @@ def _law(flicker_longest: float) -> NoiseLaw:
     return NoiseLaw(TriadErrors(**{term.field: 1.0 for term in TERMS}, flicker_longest=flicker_longest))
 
 
-class _Fit:
+class AllanFit:
     """Weighted non-negative least squares of one set of Allan variances.
 
     Parameters are the squares (q^2, N^2, B^2, K^2).
@@ -215,7 +215,7 @@ class _Fit:
         self.m, self.variance, self.n, self.axes = m, variance, n, axes
         self.tau = m / rate_hz
         self.model_error = MODEL_ERROR
-        self._columns = _law(flicker_longest).allan_variance(self.tau)
+        self.columns = _law(flicker_longest).allan_variance(self.tau)
         duration = n / rate_hz
         edges = np.geomspace(0.02 / duration, rate_hz / 2, int(100 * np.log2(25 * n)))
         f = np.sqrt(edges[1:] * edges[:-1])
@@ -257,7 +257,7 @@ class _Fit:
     def covariance(self, parameters: Array) -> Array:
         """Covariance (k, k) of the Allan variances under the model."""
         density = (self._spectra @ parameters) ** 2 * self._width
-        sampled = parameters[3] * self._columns[:, 3] * SAMPLED_WALK / self.m**2
+        sampled = parameters[3] * self.columns[:, 3] * SAMPLED_WALK / self.m**2
         error = np.diag((self.model_error * self.variance) ** 2) + np.outer(sampled, sampled)
         return (self._response * density) @ self._response.T + error
 
@@ -265,7 +265,7 @@ class _Fit:
         """What the curve itself allows of term k: the least over tau of its upper bounds at 99.8 % together."""
         dof = self.axes * degrees_of_freedom(self.m, self.n, 1.0)
         upper = self.variance * dof / chi_square_point(0.002 / len(self.m), dof)
-        least = self._columns[:, k] * (1 - SAMPLED_WALK / self.m**2 if k == 3 else 1.0)
+        least = self.columns[:, k] * (1 - SAMPLED_WALK / self.m**2 if k == 3 else 1.0)
         return float(np.min(upper / least))
 
     def _bound(self, k: int, inside: float, outside: float) -> float:
@@ -308,7 +308,7 @@ class _Fit:
 
         scale = 1 / np.sqrt(np.diag(covariance))
         factor = np.linalg.cholesky(covariance * np.outer(scale, scale))
-        matrix = np.linalg.solve(factor, self._columns * scale[:, None])
+        matrix = np.linalg.solve(factor, self.columns * scale[:, None])
         unit = 1 / np.abs(matrix).max(axis=0)
         target = np.linalg.solve(factor, self.variance * scale)
         free = [k for k in range(4) if hold is None or k != hold[0]]

@@ -15,6 +15,7 @@ class Commands(TyperGroup):
     """Runs a command, turns what it returns into the exit code and what the user got wrong into one message."""
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        """Run the command that the arguments name, and end the process with its exit code."""
         if not standalone_mode:
             return super().main(*args, standalone_mode=False, **extra)
         if sys.stdout is None:  # a service may be started without it

@@ -67,7 +67,7 @@ def files_done(paths: Sequence[Path]) -> Iterator[Path]:
 def units_done() -> Iterator[Callable[[str, int, int], None]]:
     """A bar per study; call it with the study's name, the units finished and their total."""
     if not sys.stderr.isatty():
-        yield lambda study, finished, total: None
+        yield lambda *_: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn

@@ -94,6 +94,11 @@ class NmeaOut:
         """The port that is served, or sent from."""
         return self._socket.getsockname()[1]
 
+    @property
+    def listeners(self) -> int:
+        """How many programs listen by TCP."""
+        return len(self._clients)
+
     def start(self) -> None:
         """Begin to send."""
         self._thread.start()

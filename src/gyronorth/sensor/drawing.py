@@ -212,9 +212,9 @@ class _IntervalMeans:
         self._b, self._a = np.array([1.0, theta]), np.array([1.0, -phi])
         # The filter's memory phi m + theta e, drawn from its stationary law.
         memory = phi**2 * g0 + theta**2 * power + 2 * phi * theta * power
-        self._state = np.sqrt(memory) * rng.standard_normal((runs, 1, 3))
+        self._state: Array = np.sqrt(memory) * rng.standard_normal((runs, 1, 3))
 
     def draw(self, samples: int, *, rng: np.random.Generator) -> Array:
         noise = self._sigma * rng.standard_normal((self._state.shape[0], samples, 3))
-        means, self._state = lfilter(self._b, self._a, noise, axis=1, zi=self._state)
-        return cast(Array, means)
+        means, self._state = cast("tuple[Array, Array]", lfilter(self._b, self._a, noise, axis=1, zi=self._state))
+        return means

@@ -143,11 +143,12 @@ def _flicker_covariance(errors: TriadErrors, first: Array, last: Array, _: float
     """
     length, same = last - first, np.eye(len(first), dtype=bool)
     gap = np.maximum(np.maximum(first[None, :] - last[:, None], first[:, None] - last[None, :]), 0.0)
-    total = np.zeros(same.shape)
+    total: Array = np.zeros(same.shape)
     for variance, tau in zip(*flicker_components(errors), strict=True):
         a = length / tau
         lost = -np.expm1(-a)
-        total += variance * np.where(same, 2 * (a - lost) / a**2, np.outer(lost / a, lost / a) * np.exp(-gap / tau))
+        across = np.outer(lost / a, lost / a) * np.exp(-gap / tau)
+        total = total + np.asarray(variance * np.where(same, 2 * (a - lost) / a**2, across), dtype=float)
     return total
 
 

@@ -91,8 +91,9 @@ def flicker_components(errors: TriadErrors) -> tuple[NDArray[np.float64], NDArra
     if errors.flicker == 0:
         return np.zeros(0), np.zeros(0)
     count = round(np.log(errors.flicker_longest / FLICKER_SHORTEST) / FLICKER_SPACING) + 1
-    tau = errors.flicker_longest * np.exp(-FLICKER_SPACING * np.arange(count)[::-1])
-    return np.full(count, errors.flicker**2 * FLICKER_SPACING / np.pi), tau
+    steps = np.arange(count, dtype=float)[::-1]
+    tau = np.asarray(errors.flicker_longest * np.exp(-FLICKER_SPACING * steps), dtype=float)
+    return np.full_like(tau, errors.flicker**2 * FLICKER_SPACING / np.pi), tau
 
 
 def sensor_names() -> tuple[str, ...]:

@@ -133,9 +133,11 @@ class Draw:
 
     @property
     def duration(self) -> float:
+        """Time from the first to the last, s."""
         return float(self.times[-1])
 
     def log_uniform(self, low: float, high: float) -> Array:
+        """One number of each run between low and high, its logarithm uniform, (runs,)."""
         return np.exp(self.rng.uniform(np.log(low), np.log(high), self.runs))
 
     def sine(self, amplitude: Array, frequency: Array) -> Array:
@@ -145,9 +147,11 @@ class Draw:
         return -amplitude[:, None] / omega * np.cos(omega * self.times[:, None] + phase)
 
     def half_normal(self, sigma: float) -> Array:
+        """Sizes along three axes, (runs, 3), in the unit of sigma."""
         return np.abs(self.rng.normal(0, sigma, (self.runs, 3)))
 
     def tones(self, present: tuple[float, ...]) -> Array:
+        """Angle of sway: one tone of rate for each probability that it is there."""
         total = np.zeros((self.runs, len(self.times), 3))
         for probability in present:
             on = self.rng.random(self.runs) < probability
@@ -156,6 +160,7 @@ class Draw:
         return total
 
     def bursts(self, sigma: float, length: tuple[float, float], at_least: int, *, knock: bool) -> Array:
+        """Angle of pulses of rate (sigma in rad/s, lengths in s), one in 100 s or `at_least`; a knock swings back."""
         count = np.maximum(self.rng.poisson(self.duration / 100, self.runs), at_least)
         total = np.zeros((self.runs, len(self.times), 3))
         for number in range(int(count.max(initial=0))):
@@ -169,16 +174,20 @@ class Draw:
         return total
 
     def bumps(self, at_least: int) -> Array:
+        """Angle of bumps of 0.3 to 2 s, after which the unit stands turned."""
         return self.bursts(0.02 * DEG, (0.3, 2.0), at_least, knock=False)
 
     def knocks(self, at_least: int) -> Array:
+        """Angle of knocks of 0.1 to 0.5 s, after which the unit stands as before."""
         return self.bursts(0.1 * DEG, (0.1, 0.5), at_least, knock=True)
 
     def warm_up(self) -> Array:
+        """Integral of a bias that settles within 15 to 120 s."""
         amplitude = self.rng.normal(0, 2 * DEG_PER_HOUR, (self.runs, 1, 3))
         return self._settling(amplitude, self.rng.uniform(15, 120, self.runs))
 
     def soak(self) -> Array:
+        """Integral of a bias that settles within 2 to 20 minutes."""
         amplitude = self.rng.normal(0, 2 * DEG_PER_HOUR, (self.runs, 1, 3))
         return self._settling(amplitude, self.log_uniform(120, 1200))
 
@@ -187,20 +196,24 @@ class Draw:
         return -amplitude * tau * np.exp(-self.times[:, None] / tau)
 
     def slow_tilt(self) -> Array:
+        """Angle of a tripod that sinks to one side, about the level axes."""
         amplitude = self.rng.normal(0, 0.01 * DEG, (self.runs, 1, 3)) * [1, 1, 0]
         tau = self.rng.uniform(30, 300, self.runs)[:, None, None]
         return amplitude * (1 - np.exp(-self.times[:, None] / tau))
 
     def square(self) -> Array:
+        """Angle of a square wave of rate with a period of 5 to 60 s."""
         amplitude = self.half_normal(0.002 * DEG)[:, None]
         period = self.log_uniform(5, 60)[:, None, None]
         cycles = (self.times[:, None] / period + self.rng.uniform(0, 1, (self.runs, 1, 3))) % 1
         return amplitude * period * np.minimum(cycles, 1 - cycles)  # the integral is a triangle
 
     def ramp(self) -> Array:
+        """Integral of a bias that grows steadily."""
         return self.rng.normal(0, 4 * DEG_PER_HOUR / 100, (self.runs, 1, 3)) * self.times[:, None] ** 2 / 2
 
     def beat(self) -> Array:
+        """Angle of two tones of rate that are close to each other."""
         amplitude, first = self.half_normal(0.002 * DEG), self.log_uniform(0.008, 0.3)
         second = first + self.rng.uniform(0.002, 0.01, self.runs)
         return self.sine(amplitude, first) + self.sine(amplitude, second)
@@ -208,7 +221,7 @@ class Draw:
 
 #: kind -> (angle, integral of the settling bias)
 _KINDS: dict[str, Callable[[Draw], tuple[Array | float, Array | float]]] = {
-    "quiet": lambda draw: (0.0, 0.0),
+    "quiet": lambda _: (0.0, 0.0),
     "sway": lambda draw: (draw.tones((1.0, 0.7)), 0.0),
     "shock": lambda draw: (draw.bumps(1) + draw.knocks(1), 0.0),
     "warmup": lambda draw: (0.0, draw.warm_up()),

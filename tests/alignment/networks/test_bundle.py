@@ -83,7 +83,7 @@ def test_a_heading_does_not_depend_on_the_batch(exported):
     folder, _, _ = exported
     bundle = load_bundle(folder)
 
-    @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
     @given(
         seed=st.integers(0, 1000), n=st.integers(1, 6), place=st.integers(0, 5), scale=st.sampled_from([0.0, 1.0, 1e3])
     )

@@ -206,7 +206,8 @@ def denoise(
 
 def _sampling_noise(gyro: NDArray[np.float64], seed: int) -> Callable[[], NDArray[np.float64]]:
     # Rounded to 1e-9 rad/s (0.2 deg/h on one sample): rounding errors upstream do not change the draw.
-    keys = [zlib.crc32(np.round(one * 1e9).astype(np.int64).tobytes()) for one in gyro]
+    rounded = np.asarray(np.round(gyro * 1e9), dtype=np.int64)
+    keys = [zlib.crc32(np.ascontiguousarray(one).tobytes()) for one in rounded]
     generators = [np.random.default_rng([seed, key]) for key in keys]
     shape = gyro.shape[1:]
     return lambda: np.stack([generator.standard_normal(shape) for generator in generators])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,8 +31,13 @@ from gyronorth.findings import Finding
 from gyronorth.sensor import TriadErrors
 from gyronorth.uncertainty import SIGMA_UNKNOWN
 
-if TYPE_CHECKING:
-    from onnxruntime import InferenceSession
+
+class Session(Protocol):
+    """What is used of `onnxruntime.InferenceSession`, which has no types."""
+
+    def run(self, output_names: None, input_feed: Mapping[str, NDArray[Any]]) -> Sequence[NDArray[Any]]:
+        """The outputs of a network."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -41,9 +46,9 @@ class LoadedBundle:
 
     name: str
     info: Bundle
-    denoiser: InferenceSession | None
-    heading: InferenceSession | None
-    proposal: InferenceSession | None = None
+    denoiser: Session | None
+    heading: Session | None
+    proposal: Session | None = None
     deviation: DeviationModel | None = None
 
 
@@ -57,18 +62,19 @@ def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
     """
     info = read_bundle(folder)
     try:
-        import onnxruntime
+        import onnxruntime  # pyright: ignore[reportMissingTypeStubs]
     except ImportError:
         raise InputError(
             "Running a trained bundle needs onnxruntime, which is not installed. "
             "Install it with: pip install 'gyronorth[learned]'."
         ) from None
-    options = onnxruntime.SessionOptions()
+    library: Any = onnxruntime
+    options = library.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
 
-    def session(file: str) -> InferenceSession:
-        return onnxruntime.InferenceSession(Path(folder, file), options, providers=["CPUExecutionProvider"])
+    def session(file: str) -> Session:
+        return library.InferenceSession(Path(folder, file), options, providers=["CPUExecutionProvider"])
 
     return LoadedBundle(
         Path(folder).name,
@@ -199,14 +205,14 @@ def solve(
     )
 
 
-def onnx_proposals(session: InferenceSession) -> Propose:
+def onnx_proposals(session: Session) -> Propose:
     """The proposals of an exported network."""
 
     def propose(
         rate: NDArray[np.float32], index: NDArray[np.float32], cycles: NDArray[np.float32]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         bump, tone = session.run(None, {"rate": rate[None], "index": index, "cycles": cycles})
-        return cast("NDArray[np.float64]", bump)[0], cast("NDArray[np.float64]", tone)[0]
+        return bump[0], tone[0]
 
     return propose
 
@@ -234,12 +240,15 @@ def clean(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
     part = bundle.info.denoiser
     if part is None or bundle.denoiser is None or len(gyro_l) == 0:
         return gyro_l
-    settings = {"schedule": part.schedule, "sampler": part.sampler, "normalisation": part.normalisation}
     predict = onnx_predictor(bundle.denoiser)
-    return np.concatenate([denoise(predict, one[None], **settings) for one in gyro_l])
+    cleaned = [
+        denoise(predict, one[None], schedule=part.schedule, sampler=part.sampler, normalisation=part.normalisation)
+        for one in gyro_l
+    ]
+    return np.concatenate(cleaned)
 
 
-def onnx_predictor(session: InferenceSession) -> Predict:
+def onnx_predictor(session: Session) -> Predict:
     """The noise prediction of an exported denoiser."""
 
     def predict(x: NDArray[np.float32], t: int) -> NDArray[np.float32]:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, Law, columns, evidence, law, network_axes
 from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
 from gyronorth.angles import wrap_heading
-from gyronorth.arrays import Array, Mask
+from gyronorth.arrays import Array, Index, Mask
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 
@@ -143,7 +143,7 @@ class _Lines:
 
     def divided(self, share: Array, spacing: float, *, last: bool) -> _Lines:
         """Divide those that hold a tone, the likeliest first; leave out those that hold none, if these are the last."""
-        made, total = [], len(share)
+        total, made = len(share), list[tuple[Array, Array, Index]]()
         for number in np.argsort(-share):
             whole = self.parts[number] == 1
             parts = next((parts for limit, parts in FINER if whole and share[number] > limit), 1)
@@ -154,7 +154,8 @@ class _Lines:
             log_prior = np.full(parts, self.log_prior[number] - np.log(parts))
             made.append((self.frequency[number] + offset, log_prior, np.full(parts, parts * self.parts[number])))
             total += parts - 1
-        return _Lines(*(np.concatenate(column) for column in zip(*made, strict=True)))
+        frequency, log_prior, parts = zip(*made, strict=True)
+        return _Lines(np.concatenate(frequency), np.concatenate(log_prior), np.concatenate(parts))
 
 
 def _bumped(known: Law, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> Mask:
@@ -169,8 +170,8 @@ def _residual(known: Law, gyro_l: Array, seen: Columns, models: Evidence) -> Arr
     """Whitened residual (n, 3) of all samples from the likeliest model, fitted to those that are not masked."""
     slow, which = np.unravel_index(np.argmax(models.posterior), models.log_weight.shape)
     f, k = len(seen.frequency), len(known.share)
-    tones = [t for t in (models.first[which], models.second[which]) if t >= 0]
-    settles = [] if slow == 0 else [slow - 1] if slow <= k else list(range(k, known.settling.shape[1]))
+    tones = [int(t) for t in (models.first[which], models.second[which]) if t >= 0]
+    settles: list[int] = [] if slow == 0 else [int(slow) - 1] if slow <= k else list(range(k, known.settling.shape[1]))
     parts = [seen.known[:, [0, *(4 + s for s in settles)]], *(seen.tone[:, [t, t + f]] for t in tones)]
     inside = np.concatenate(parts, axis=1)
     free = np.ones(inside.shape[1])
@@ -198,7 +199,9 @@ def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, e
     size = np.hypot(rate[0], rate[1])
     concentration = size * north / variance
     log_weight = models.log_weight[slow, which] - 1.5 * np.log(information * variance)
-    log_weight += np.log(i0e(concentration)) - ((size - north) ** 2 + (rate[2] - down) ** 2) / (2 * variance)
+    log_weight += np.log(np.asarray(i0e(concentration), dtype=float)) - (
+        (size - north) ** 2 + (rate[2] - down) ** 2
+    ) / (2 * variance)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     bias, some = np.nonzero(weight > NEGLIGIBLE)

@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -251,7 +252,7 @@ def _with_tones(
     both = log_prior[i] + log_prior[j] + np.log(2)
     log_weight = prior + np.concatenate([[np.log(TONES[0])], np.log(TONES[1]) + log_prior, np.log(TONES[2]) + both])
     log_weight -= 1.5 * log_det
-    information, rate = entry(0, 0), []
+    information, rate = entry(0, 0), list[Array]()
     for axis in (1, 2, 3):
         seen_by_one = entry(0, axis)
         log_weight -= 0.5 * (entry(axis, axis) - seen_by_one**2 / information)
@@ -268,9 +269,10 @@ def _first_mask(gyro_l: Array) -> NDArray[np.bool_]:
     """Samples far off a running median over 21: large bumps, before anything is fitted."""
     from scipy.ndimage import median_filter
 
-    off = gyro_l - median_filter(gyro_l, size=(min(21, len(gyro_l)), 1), mode="nearest")
+    smooth = median_filter(gyro_l, size=(min(21, len(gyro_l)), 1), mode="nearest")
+    off: Array = gyro_l - np.asarray(smooth, dtype=float)
     scatter = 1.4826 * np.median(np.abs(off), axis=0)
-    return _grown((np.abs(off) > 6 * np.maximum(scatter, 1e-300)).any(axis=1))
+    return _grown(np.any(np.abs(off) > 6 * np.maximum(scatter, 1e-300), axis=1))
 
 
 def _grown(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -306,10 +308,10 @@ def _excess(square: Array) -> float:
 def _conclude(
     grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Models, latitude: float, biases: tuple[float, ...]
 ) -> BayesFit:
-    square = np.sum(_residual(grid, gyro_l, masked, models)[~masked] ** 2, axis=1)
+    square = np.asarray(np.sum(_residual(grid, gyro_l, masked, models)[~masked] ** 2, axis=1), dtype=float)
     excess = float(np.mean(square)) / 3
     # 3 n squares scatter by sqrt(2 / 3 n): beyond 4 of these the law does not hold.
-    scale = np.sqrt(excess) if excess > 1 + 4 * np.sqrt(2 / (3 * len(square))) else 1.0
+    scale = excess**0.5 if excess > 1 + 4 * np.sqrt(2 / (3 * len(square))) else 1.0
     if scale > 1:
         models = _scan(grid, gyro_l, masked, scale)
     weight, concentration, settling, tones = _weigh(models, latitude, biases)
@@ -339,18 +341,22 @@ def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple
     from scipy.special import i0e
 
     north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
-    counted, largest = [], -np.inf
+    largest, counted = -np.inf, list[tuple[Array, Array, Index, Index]]()
     for row, bias in product(range(len(models.log_weight)), biases):  # in turn, to bound memory
         information, rate = models.information[row], models.rate[:, row]
         variance = 1 / information + bias**2
         size = np.hypot(rate[0], rate[1])
         concentration = size * north / variance
-        log_weight = models.log_weight[row] - 1.5 * np.log(information * variance) + np.log(i0e(concentration))
-        log_weight -= ((size - north) ** 2 + (rate[2] - down) ** 2) / (2 * variance)
+        log_weight = models.log_weight[row] - 1.5 * np.log(information * variance)
+        log_weight += np.log(cast("Array", i0e(concentration)))
+        misfit = np.asarray((size - north) ** 2 + (rate[2] - down) ** 2, dtype=float)
+        log_weight = np.asarray(log_weight - misfit / (2 * variance), dtype=float)
         largest = max(largest, float(log_weight.max()))
         used = np.flatnonzero(log_weight > largest + np.log(NEGLIGIBLE))
         counted.append((log_weight[used], concentration[used], np.full(len(used), row), used))
-    log_weight, concentration, rows, used = (np.concatenate(parts) for parts in zip(*counted, strict=True))
+    parts = tuple(zip(*counted, strict=True))
+    log_weight, concentration = np.concatenate(parts[0]), np.concatenate(parts[1])
+    rows, used = np.concatenate(parts[2]), np.concatenate(parts[3])
     kept = log_weight > largest + np.log(NEGLIGIBLE)
     weight = np.exp(log_weight[kept] - largest)
     return weight / weight.sum(), concentration[kept], rows[kept], used[kept]

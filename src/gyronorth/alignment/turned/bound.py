@@ -55,7 +55,7 @@ def turned_sigma(
     float
         Root mean square over eight headings.
     """
-    variances = []
+    variances: list[float] = []
     for heading in np.arange(8) * np.pi / 4:
         blocks, state = _ideal(sensor, turns, heading, still_duration, turn_duration, latitude, accel)
         linear = linearise(blocks, state, sensor, latitude=latitude)
@@ -64,7 +64,7 @@ def turned_sigma(
         known = prior(sensor, spins=0, bias_known=bias_known)
         gradient = heading_gradient(state.end)
         covariance = posterior(linear, regular(noise), known)[0][:3, :3]
-        variances.append(gradient @ covariance @ gradient)
+        variances.append(float(gradient @ covariance @ gradient))
     return float(np.sqrt(np.mean(variances)))
 
 
@@ -73,16 +73,18 @@ def _ideal(
 ) -> tuple[Blocks, State]:
     """Blocks and state of a level unit that turns at a constant rate about the vertical, at 100 Hz."""
     rate_hz, per_stretch = 100.0, blocks_per_stretch(len(turns) + 1, sensor.gyro)
-    first, stretch, yaw, spent = [0], [], [], 0.0
+    first, spent = [0], 0.0
+    stretch, yaw = list[int](), list[float]()
     for number in range(len(turns) + 1):
         edges = np.linspace(0, still / (len(turns) + 1), per_stretch + 1)[1:] + spent
-        first += list(np.round(edges * rate_hz).astype(int))
+        first += [round(float(edge)) for edge in edges * rate_hz]
         stretch += [number] * per_stretch
         yaw += [0.0] * per_stretch
         spent += still / (len(turns) + 1)
         if number < len(turns):
             parts = max(1, int(np.ceil(abs(turns[number]) / BLOCK_ANGLE)))
-            first += list(np.round((np.arange(parts) + 1) * turning / parts * rate_hz + spent * rate_hz).astype(int))
+            ends = (np.arange(parts, dtype=float) + 1) * turning / parts * rate_hz + spent * rate_hz
+            first += [round(float(end)) for end in ends]
             stretch += [-1] * parts
             yaw += [turns[number] / parts] * parts
             spent += turning

@@ -26,27 +26,22 @@ from gyronorth.alignment.turned.model import (
     prior,
     regular,
 )
+from gyronorth.alignment.turned.noise import candidates, with_noise
 from gyronorth.alignment.turned.segments import Blocks, Segments, Turn, blocks_per_stretch, cut, find_segments
 from gyronorth.angles import DEG_PER_HOUR, wrap_heading
 from gyronorth.arrays import Array
 from gyronorth.attitude import level, mat_bn, rotation
-from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
+from gyronorth.earth import earth_rate_n
 from gyronorth.errors import InputError
-from gyronorth.sensor import Sensor, TriadErrors
+from gyronorth.sensor import Sensor
 from gyronorth.sensor.law import NoiseLaw
 
 #: Least standard deviation of a mean rate, rad/s: a sensor without errors stays finite.
 RATE_FLOOR = 1e-12
 #: Gauss-Newton steps at most, and the change of attitude, rad, below which it has settled.
 STEPS, SETTLED = 8, 1e-6
-#: Of a sensor without a profile: relative scale factor and misalignment (MEMS data sheets).
-UNKNOWN_SCALE, UNKNOWN_MISALIGNMENT, UNKNOWN_ACCEL_BIAS = 3e-3, 1e-3, 5e-3 * STANDARD_GRAVITY
-#: In-run bias tried for a sensor without a profile, as B sqrt(duration of a pose) / N.
-UNKNOWN_FLICKER = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 #: A fit this improbable under the noise law widens its covariance by chi2 / dof.
 IMPROBABLE = 1e-3
-#: Least noise densities that are inferred, of rate, rad/s sqrt(s), and force, m/s^2 sqrt(s): below the best sensors'.
-QUIETEST, QUIETEST_FORCE = 3e-8, 1e-5
 
 
 @dataclass(frozen=True)
@@ -142,11 +137,11 @@ def turned(
     given = _given_angles(turn_angles, segments)
     fine = cut(gyro_b, accel_b, segments, rate_hz=rate_hz, per_stretch=4 * per_stretch)
     if errors is not None:
-        return _fit(blocks, _with_noise(errors, blocks, fine), segments, latitude, given)[0]
-    fits, start = [], None
-    for sensor in _candidates(blocks, fine):
-        *fit, start = _fit(blocks, sensor, segments, latitude, given, start)
-        fits.append(fit)
+        return _fit(blocks, with_noise(errors, blocks, fine), segments, latitude, given)[0]
+    fits, start = list[tuple[TurnedFit, float]](), None
+    for sensor in candidates(blocks, fine):
+        fit, log_likelihood, start = _fit(blocks, sensor, segments, latitude, given, start)
+        fits.append((fit, log_likelihood))
     return _averaged(fits)
 
 
@@ -280,13 +275,15 @@ def _solve(
     gyro = NoiseLaw(sensor.gyro).mean_covariance(blocks.first, blocks.last, rate_hz=blocks.rate_hz)
     gyro = gyro + RATE_FLOOR**2 * np.eye(len(gyro))
     state, change = start or _first_guess(blocks, gyro, known, latitude), np.full(3, np.inf)
-    for step in range(STEPS + 1):
+    step = 0
+    while True:
         settled = step == STEPS or np.abs(change[:3]).max() < SETTLED
         linear = linearise(blocks, state, sensor, latitude=latitude, turn_angles=given)
         noise = regular(linear.covariance(gyro))
         covariance, gain = posterior(linear, noise, known)
         if settled:
             break
+        step += 1
         pull = np.where(known.information > 0, state.value / np.where(known.sigma > 0, known.sigma, 1.0) ** 2, 0.0)
         change = gain @ linear.residual - covariance @ pull
         state = State(rotation(change[:3]) @ state.end, state.value + np.where(np.arange(len(change)) < 3, 0, change))
@@ -329,9 +326,10 @@ def _first_guess(blocks: Blocks, gyro: Array, known: Prior, latitude: float) -> 
     moment[2] += 1e6 / rate[0] ** 2 * rate[2]
     bias = known.information[3:6] / np.maximum(known.sigma[3:6], 1e-300) ** 2
     information[3:, 3:] += np.diag(bias + 1e-6 / DEG_PER_HOUR**2 * 1e-6)
-    solution, covariance = np.linalg.solve(information, moment), np.linalg.inv(information)
+    solution = np.asarray(np.linalg.solve(information, moment), dtype=float)
+    covariance = np.asarray(np.linalg.inv(information), dtype=float)
     heading = np.linspace(0, 2 * np.pi, 720, endpoint=False)
-    off = rate[0] * np.stack([np.cos(heading), -np.sin(heading)], axis=1) - solution[:2]
+    off: Array = rate[0] * np.stack([np.cos(heading), -np.sin(heading)], axis=1) - solution[:2]
     misfit = np.einsum("hi,ij,hj->h", off, np.linalg.inv(covariance[:2, :2]), off)
     best = float(heading[np.argmin(misfit)])
     return State(rotation([0.0, 0.0, best]) @ end, value)
@@ -341,7 +339,7 @@ def _poses(blocks: Blocks, solution: _Solution, segments: Segments) -> tuple[Tur
     gyro_rows = np.flatnonzero(solution.linear.kind == 0)
     residual = solution.linear.residual[gyro_rows]
     variance = np.diag(solution.noise)[gyro_rows]
-    poses, still = [], np.flatnonzero(blocks.still)
+    still, poses = np.flatnonzero(blocks.still), list[TurnedPose]()
     for number in range(len(segments.stretches)):
         place = np.flatnonzero(blocks.stretch[still] == number)
         members = still[place]
@@ -366,54 +364,7 @@ def _poses(blocks: Blocks, solution: _Solution, segments: Segments) -> tuple[Tur
     return tuple(poses)
 
 
-def _candidates(blocks: Blocks, fine: Blocks) -> list[Sensor]:
-    """Sensors that might have made the recording: its own white noise, several in-run drifts."""
-    white = _white(_scatter(blocks, blocks.gyro_b), _scatter(fine, fine.gyro_b))
-    longest = max([blocks.seconds[blocks.stretch == s].sum() for s in range(blocks.stretch.max() + 1)], default=100.0)
-    accel = TriadErrors(turn_on_bias=UNKNOWN_ACCEL_BIAS, misalignment=UNKNOWN_MISALIGNMENT)
-    if blocks.accel_b is not None:
-        accel = replace(accel, white=max(_scatter(blocks, blocks.accel_b)[0], QUIETEST_FORCE))
-    gyro = TriadErrors(white=white, scale_factor=UNKNOWN_SCALE, misalignment=UNKNOWN_MISALIGNMENT)
-    return [
-        Sensor("inferred", replace(gyro, flicker=ratio * white / np.sqrt(longest)), accel) for ratio in UNKNOWN_FLICKER
-    ]
-
-
-def _with_noise(sensor: Sensor, blocks: Blocks, fine: Blocks) -> Sensor:
-    """A profile that states no white noise takes that of the recording: nothing measures without any."""
-    gyro, accel = sensor.gyro, sensor.accel
-    if gyro.white == 0:
-        gyro = replace(gyro, white=_white(_scatter(blocks, blocks.gyro_b), _scatter(fine, fine.gyro_b)))
-    if accel.white == 0 and blocks.accel_b is not None:
-        accel = replace(accel, white=max(_scatter(blocks, blocks.accel_b)[0], QUIETEST_FORCE))
-    return replace(sensor, gyro=gyro, accel=accel)
-
-
-def _scatter(blocks: Blocks, values: Array) -> tuple[float, float]:
-    """Noise density from differences of neighbouring blocks of a stretch, and the usual length of these, s."""
-    inside = blocks.still[1:] & (blocks.stretch[1:] == blocks.stretch[:-1])
-    inverse = (1 / blocks.seconds[1:] + 1 / blocks.seconds[:-1])[inside]
-    if not inside.any():
-        return QUIETEST, 1.0
-    difference = np.diff(values, axis=0)[inside] / np.sqrt(inverse)[:, None]
-    return max(float(np.sqrt(np.mean(difference**2))), QUIETEST), float(2 / inverse.mean())
-
-
-def _white(coarse: tuple[float, float], fine: tuple[float, float]) -> float:
-    """White noise density from the scatter of blocks of two lengths.
-
-    Differences of means over t have the variance 2 N^2 / t + 2 F: in-run bias adds an F that hardly depends on t (its
-    Allan deviation is flat) and drops out between the two. Where short blocks scatter too little, their noise is
-    not white, and half of the long ones' density is the least.
-    """
-    (long_density, long), (short_density, short) = coarse, fine
-    if long <= 1.5 * short:
-        return long_density
-    square = (short_density**2 / short - long_density**2 / long) / (1 / short - 1 / long)
-    return float(np.sqrt(np.clip(square, long_density**2 / 4, long_density**2)))
-
-
-def _averaged(fits: list[list]) -> TurnedFit:
+def _averaged(fits: list[tuple[TurnedFit, float]]) -> TurnedFit:
     """The fit of the likeliest drift; its sigma from the mixture over all of them."""
     likelihood = np.array([value for _, value in fits])
     weight = np.exp(likelihood - likelihood.max())

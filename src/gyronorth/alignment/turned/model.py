@@ -312,11 +312,13 @@ def _levelling(blocks: Blocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple
     if blocks.accel_b is not None:
         law = NoiseLaw(sensor.accel)
         covariance = law.mean_covariance(blocks.first[seen], blocks.last[seen], rate_hz=blocks.rate_hz)
-        return np.kron(covariance, np.eye(3)).astype(float), blocks.accel_b[seen]
+        return np.asarray(np.kron(covariance, np.eye(3)), dtype=float), blocks.accel_b[seen]
     place = np.where(blocks.spin[seen] >= 0, -1 - blocks.spin[seen], blocks.stretch[seen])
     same = (place[:, None] == place).astype(float)
     covariance = (LEVEL_SIGMA * STANDARD_GRAVITY) ** 2 * (same + 1e-4 * np.eye(len(seen)))
-    return np.kron(covariance, np.eye(3)).astype(float), np.tile([0.0, 0.0, -STANDARD_GRAVITY], (len(seen), 1))
+    return np.asarray(np.kron(covariance, np.eye(3)), dtype=float), np.tile(
+        [0.0, 0.0, -STANDARD_GRAVITY], (len(seen), 1)
+    )
 
 
 def _by_rows(vector: Array) -> Array:

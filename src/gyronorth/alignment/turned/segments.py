@@ -158,15 +158,15 @@ def _is_spin(part: Array, rate_hz: float) -> bool:
         return False
     size = max(1, round(rate_hz))
     chunk = part[: len(part) // size * size].reshape(-1, size, 3).mean(axis=1)
-    axis = np.linalg.svd(chunk, full_matrices=False)[2][0]
+    axis = np.asarray(np.linalg.svd(chunk, full_matrices=False)[2][0], dtype=float)
     angle = abs(float((part @ axis).sum())) / rate_hz
-    across = chunk - np.outer(chunk @ axis, axis)
-    noise = 1.4826 * np.median(np.abs(np.diff(across, axis=0))) / np.sqrt(2)
-    wobble = np.sqrt(np.mean(across**2))
+    across = np.asarray(chunk - np.outer(chunk @ axis, axis), dtype=float)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(across, axis=0)))) / np.sqrt(2)
+    wobble = float(np.sqrt(np.mean(across**2)))
     return bool(
         angle > np.pi / 2
         and wobble < 2 * EARTH_RATE + 3 * noise
-        and wobble < SPIN_WOBBLE * np.sqrt(np.mean((chunk @ axis) ** 2))
+        and wobble < SPIN_WOBBLE * float(np.sqrt(np.mean(np.asarray(chunk @ axis, dtype=float) ** 2)))
     )
 
 
