@@ -308,7 +308,8 @@ def mip(n: int = 1500, *, delta: bool = True, rate: float = 250.0) -> Case:
         frames.append(mip_frame(fields))
     return Case(
         f"mip-{'delta' if delta else 'scaled'}", "mip", rate, w.astype(float) / scale, f.astype(float) * G / scale,
-        frames, 1e-12, 1e-9, others=(mip_frame([(0x05, bytes(14))], 0x82), mip_frame([(0x06, bytes(12))])), knows_lost="clock",
+        frames, 1e-12, 1e-9, others=(mip_frame([(0x05, bytes(14))], 0x82), mip_frame([(0x06, bytes(12))])),
+        knows_lost="clock",
     )  # fmt: skip
 
 

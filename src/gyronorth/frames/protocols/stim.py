@@ -104,7 +104,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(_layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
     if facts:
         return _scale_of(facts[-1][0])
     increments = options.increments or "none"
@@ -141,7 +141,7 @@ def _scale_of(configuration: Bytes) -> Scale:
     return replace(scale, rate_hz=rate_hz, stated=True)
 
 
-def _infer(fields: Fields, scale: Scale, options: Options, rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
+def _infer(fields: Fields, scale: Scale, options: Options, _rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
     """Without a configuration datagram: the accelerometer's range from gravity, else 10 g."""
     if scale.stated or (options.increments and options.accel_range_g):
         return scale, ()
