@@ -199,6 +199,7 @@ FORMATS: tuple[FormatInfo, ...] = (
     ),
     FormatInfo("rosbag2", "ROS 2 bag", _FORMATS + "rosbag", (".db3",), (), "io", takes_columns=False, takes_topic=True),
     FormatInfo("mcap", "MCAP", _FORMATS + "mcap", (".mcap",), (".mcap",), "io", takes_columns=False, takes_topic=True),
+    FormatInfo("frames", "capture of a unit's frames", _FORMATS + "frames", takes_columns=False),
 )
 #: Suffixes under which a recording is written.
 WRITTEN_SUFFIXES = tuple(suffix for info in FORMATS for suffix in info.written)

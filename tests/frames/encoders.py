@@ -119,7 +119,7 @@ def stim(n: int = 1500, *, rate: float = 500.0, increments: bool = False, line_e
     )  # fmt: skip
 
 
-def _novatel_binary(log: int, body: bytes, *, long: bool) -> bytes:
+def novatel_binary_frame(log: int, body: bytes, *, long: bool) -> bytes:
     if long:
         header = b"\xaa\x44\x12\x1c" + struct.pack(
             "<HBBHHBBHIIHH", log, 0, 0x20, len(body), 0, 100, 180, 2300, 0, 0, 0, 1
@@ -129,7 +129,7 @@ def _novatel_binary(log: int, body: bytes, *, long: bool) -> bytes:
     return header + body + struct.pack("<I", crc32_novatel(header + body))
 
 
-def _novatel_text(text: str) -> bytes:
+def novatel_text_frame(text: str) -> bytes:
     return f"{text}*{crc32_novatel(text[1:].encode()):08x}\r\n".encode()
 
 
@@ -151,15 +151,19 @@ def novatel(n: int = 1500, *, log: str = "RAWIMUSX", text: bool = True, rate: fl
                 else (f"%{log}A,2300,{second:.3f}")
             )
             start = f"00,26,2300,{second:.9f},00000000," if typed else f"2300,{second:.9f},00000000,"
-            frames.append(_novatel_text(head + ";" + start + ",".join(str(value) for value in six)))
+            frames.append(novatel_text_frame(head + ";" + start + ",".join(str(value) for value in six)))
         else:
             start = struct.pack("<BBHdI", 0, 26, 2300, second, 0) if typed else struct.pack("<IdI", 2300, second, 0)
-            frames.append(_novatel_binary(number, start + struct.pack("<6i", *six), long=long))
+            frames.append(novatel_binary_frame(number, start + struct.pack("<6i", *six), long=long))
     others = (
-        _novatel_text("#TIMEA,COM1,0,50.5,FINESTEERING,2300,0.000,02000000,9924,15000;VALID,1.0e-09,2.0e-09,-17.9"),
-        _novatel_text("%INSPVASA,2300,1.0;2300,1.0,51.1,-114.0,1000.0,0.0,0.0,0.0,0.1,0.2,270.0,INS_SOLUTION_GOOD"),
-        _novatel_binary(508, bytes(88), long=False),
-        _novatel_binary(42, bytes(72), long=True),
+        novatel_text_frame(
+            "#TIMEA,COM1,0,50.5,FINESTEERING,2300,0.000,02000000,9924,15000;VALID,1.0e-09,2.0e-09,-17.9"
+        ),
+        novatel_text_frame(
+            "%INSPVASA,2300,1.0;2300,1.0,51.1,-114.0,1000.0,0.0,0.0,0.0,0.1,0.2,270.0,INS_SOLUTION_GOOD"
+        ),
+        novatel_binary_frame(508, bytes(88), long=False),
+        novatel_binary_frame(42, bytes(72), long=True),
     )
     options = Options() if typed else Options(imu="isa100c")
     return Case(
@@ -187,7 +191,7 @@ def kvh(n: int = 1500, *, form: str = "A", increments: bool = True, rate: float 
     )  # fmt: skip
 
 
-def _sum16(body: bytes) -> bytes:
+def sum16_frame(body: bytes) -> bytes:
     return body + struct.pack("<H", sum(struct.unpack(f"<{len(body) // 2}H", body)) & 0xFFFF)
 
 
@@ -196,14 +200,14 @@ def hg4930(n: int = 1500) -> Case:
     gyro_step, accel_step = 2.0**-33 * 100, 2.0**-27 * 0.3048 * 100
     w, f = counts(gyro, gyro_step), counts(accel, accel_step)
     head = struct.pack("<6hHH", 1, 2, 3, 4, 5, 6, 0x80F0, 0x0000)
-    frames = [_sum16(b"\x0e\x02" + head + struct.pack("<6i", *w[i], *f[i])) for i in range(n)]
-    control = _sum16(b"\x0e\x01" + head)
+    frames = [sum16_frame(b"\x0e\x02" + head + struct.pack("<6i", *w[i], *f[i])) for i in range(n)]
+    control = sum16_frame(b"\x0e\x01" + head)
     return Case(
         "hg4930", "hg4930", 100.0, w * gyro_step, f * accel_step, frames, gyro_step, accel_step, others=(control,)
     )
 
 
-def _sbg(log: int, payload: bytes) -> bytes:
+def sbg_frame(log: int, payload: bytes) -> bytes:
     body = bytes((log, 0)) + struct.pack("<H", len(payload)) + payload
     return b"\xff\x5a" + body + struct.pack("<H", crc16_sbg(body)) + b"\x33"
 
@@ -216,36 +220,36 @@ def sbg(n: int = 1500, *, short: bool = True, rate: float = 200.0) -> Case:
         w, f = counts(gyro, gyro_step), counts(accel, accel_step)
         for i in range(n):
             time = (4294000000 + 5000 * i) % (1 << 32)
-            frames.append(_sbg(44, struct.pack("<IH6ih", time, 0x03FF, *f[i], *w[i], 5120)))
+            frames.append(sbg_frame(44, struct.pack("<IH6ih", time, 0x03FF, *f[i], *w[i], 5120)))
         gyro, accel = w * gyro_step, f * accel_step
     else:
         gyro, accel = gyro.astype("<f4"), accel.astype("<f4")
         for i in range(n):
             time = (4294000000 + 5000 * i) % (1 << 32)
-            frames.append(_sbg(3, struct.pack("<IH6ff6f", time, 0x03FF, *[0.0] * 6, 20.0, *accel[i], *gyro[i])))
+            frames.append(sbg_frame(3, struct.pack("<IH6ff6f", time, 0x03FF, *[0.0] * 6, 20.0, *accel[i], *gyro[i])))
         gyro, accel, gyro_step, accel_step = gyro.astype(float), accel.astype(float), 1e-12, 1e-9
-    others = (_sbg(1, bytes(22)), _sbg(6, bytes(32)))
+    others = (sbg_frame(1, bytes(22)), sbg_frame(6, bytes(32)))
     return Case(
         f"sbg-{'short' if short else 'data'}", "sbg", rate, gyro, accel, frames, gyro_step, accel_step, others=others,
         knows_lost="clock",
     )  # fmt: skip
 
 
-def _anpp(packet: int, data: bytes) -> bytes:
+def anpp_frame(packet: int, data: bytes) -> bytes:
     rest = bytes((packet, len(data))) + struct.pack("<H", binascii.crc_hqx(data, 0xFFFF))
     return bytes((((sum(rest) ^ 0xFF) + 1) & 0xFF,)) + rest + data
 
 
 def anpp(n: int = 1500) -> Case:
     gyro, accel = (values.astype("<f4") for values in signal(n, FRD))
-    frames = [_anpp(28, struct.pack("<12f", *accel[i], *gyro[i], 1, 2, 3, 25.0, 101325, 25.0)) for i in range(n)]
+    frames = [anpp_frame(28, struct.pack("<12f", *accel[i], *gyro[i], 1, 2, 3, 25.0, 101325, 25.0)) for i in range(n)]
     return Case(
         "anpp", "anpp", 100.0, gyro.astype(float), accel.astype(float), frames, 1e-12, 1e-9, Options(rate_hz=100.0),
-        (_anpp(20, bytes(100)), _anpp(3, bytes(12))),
+        (anpp_frame(20, bytes(100)), anpp_frame(3, bytes(12))),
     )  # fmt: skip
 
 
-def _vectornav(groups: int, masks: tuple[int, ...], payload: bytes) -> bytes:
+def vectornav_frame(groups: int, masks: tuple[int, ...], payload: bytes) -> bytes:
     body = bytes((groups,)) + b"".join(struct.pack("<H", mask) for mask in masks) + payload
     return b"\xfa" + body + struct.pack(">H", binascii.crc_hqx(body, 0))
 
@@ -262,12 +266,12 @@ def vectornav(n: int = 1500, *, delta: bool = True, rate: float = 100.0) -> Case
         imu = force[i].tobytes() + raw[i].tobytes() + struct.pack("<f", 25.0)
         if delta:
             imu += struct.pack("<f", interval) + turn[i].tobytes() + speed[i].tobytes()
-        frames.append(_vectornav(0b101, (0x0021, 0x00DC if delta else 0x001C), common + imu))
+        frames.append(vectornav_frame(0b101, (0x0021, 0x00DC if delta else 0x001C), common + imu))
     if delta:
         raw, force = np.radians(turn.astype(float)) / interval, speed.astype(float) / interval
     return Case(
         f"vectornav-{'delta' if delta else 'raw'}", "vectornav", rate, raw.astype(float), force.astype(float), frames,
-        1e-12, 1e-9, others=(_vectornav(0b1000, (0x000C,), bytes(3)),), knows_lost="clock",
+        1e-12, 1e-9, others=(vectornav_frame(0b1000, (0x000C,), bytes(3)),), knows_lost="clock",
     )  # fmt: skip
 
 
@@ -287,7 +291,7 @@ def vectornav_ascii(n: int = 1500) -> Case:
     )  # fmt: skip
 
 
-def _mip(fields: list[tuple[int, bytes]], descriptor_set: int = 0x80) -> bytes:
+def mip_frame(fields: list[tuple[int, bytes]], descriptor_set: int = 0x80) -> bytes:
     payload = b"".join(bytes((len(data) + 2, name)) + data for name, data in fields)
     body = b"\x75\x65" + bytes((descriptor_set, len(payload))) + payload
     return body + fletcher(body)
@@ -301,14 +305,15 @@ def mip(n: int = 1500, *, delta: bool = True, rate: float = 250.0) -> Case:
     for i in range(n):
         fields = [(0xD5, struct.pack(">Q", 4_000_000 * i)), (0x08 if delta else 0x04, f[i].tobytes())]
         fields += [(0x07 if delta else 0x05, w[i].tobytes()), (0x18, struct.pack(">H", 0x0100))]
-        frames.append(_mip(fields))
+        frames.append(mip_frame(fields))
     return Case(
         f"mip-{'delta' if delta else 'scaled'}", "mip", rate, w.astype(float) / scale, f.astype(float) * G / scale,
-        frames, 1e-12, 1e-9, others=(_mip([(0x05, bytes(14))], 0x82), _mip([(0x06, bytes(12))])), knows_lost="clock",
+        frames, 1e-12, 1e-9, others=(mip_frame([(0x05, bytes(14))], 0x82), mip_frame([(0x06, bytes(12))])),
+        knows_lost="clock",
     )  # fmt: skip
 
 
-def _xbus(blocks: list[tuple[int, bytes]], message: int = 0x36) -> bytes:
+def xbus_frame(blocks: list[tuple[int, bytes]], message: int = 0x36) -> bytes:
     data = b"".join(struct.pack(">HB", name, len(part)) + part for name, part in blocks)
     length = bytes((len(data),)) if len(data) < 255 else b"\xff" + struct.pack(">H", len(data))
     body = b"\xff" + bytes((message,)) + length + data
@@ -340,15 +345,15 @@ def xbus(n: int = 1500, *, form: str = "dq", rate: float = 100.0) -> Case:
             blocks += [(0x4021, struct.pack(">3i", *np.round(accel[i] * 2**20).astype(int)))]
             gyro_step = accel_step = 2.0**-20
         blocks.append((0xE020, struct.pack(">I", 0x3)))
-        frames.append(_xbus(blocks))
+        frames.append(xbus_frame(blocks))
     return Case(
         f"xbus-{form}", "xbus", rate, gyro, accel, frames, gyro_step, accel_step,
-        others=(_xbus([(0x2010, bytes(16))]), _xbus([], 0x31), _xbus([(0x7010, bytes(280 // 2))] * 2)),
+        others=(xbus_frame([(0x2010, bytes(16))]), xbus_frame([], 0x31), xbus_frame([(0x7010, bytes(280 // 2))] * 2)),
         knows_lost="counter",
     )  # fmt: skip
 
 
-def _inertial_labs(types: bytes, data: bytes) -> bytes:
+def inertial_labs_frame(types: bytes, data: bytes) -> bytes:
     body = b"\x01\x95" + struct.pack("<H", 4 + 1 + len(types) + len(data) + 2) + bytes((len(types),)) + types + data
     return b"\xaa\x55" + body + struct.pack("<H", sum(body) & 0xFFFF)
 
@@ -361,10 +366,10 @@ def inertial_labs(n: int = 1500, *, rate: float = 200.0) -> Case:
     for i in range(n):
         data = struct.pack("<IH3i3i3hh", 604_799_000 + round(1000 * i / rate), 2300, *f[i], *w[i], 1, 2, 3, 234)
         wrapped = struct.pack("<I", (604_799_000 + round(1000 * i / rate)) % 604_800_000)
-        frames.append(_inertial_labs(bytes((0x01, 0x3C, 0x23, 0x21, 0x24, 0x52)), wrapped + data[4:]))
+        frames.append(inertial_labs_frame(bytes((0x01, 0x3C, 0x23, 0x21, 0x24, 0x52)), wrapped + data[4:]))
     return Case(
         "inertial-labs", "inertial-labs", rate, w * gyro_step, f * accel_step, frames, gyro_step, accel_step,
-        others=(_inertial_labs(bytes((0x01, 0x07)), bytes(10)),), knows_lost="clock",
+        others=(inertial_labs_frame(bytes((0x01, 0x07)), bytes(10)),), knows_lost="clock",
     )  # fmt: skip
 
 
@@ -385,7 +390,7 @@ def anello(n: int = 1500, *, rate: float = 200.0) -> Case:
     )  # fmt: skip
 
 
-def _x3(kind: int, payload: bytes) -> bytes:
+def x3_frame(kind: int, payload: bytes) -> bytes:
     body = bytes((kind, len(payload))) + payload
     return b"\xc5\x50" + body + fletcher(body)
 
@@ -397,10 +402,10 @@ def anello_x3(n: int = 1500, *, rate: float = 200.0) -> Case:
     frames = []
     for i in range(n):
         payload = struct.pack("<QQ3h3h3i", round(1e9 / rate) * i, 0, *f[i], 1, 2, 3, *w[i])
-        frames.append(_x3(253, payload + struct.pack("<3hhHHBBB", 4, 5, 6, 2500, 8 << 11 | 400, 200, 0, 0, 0)))
+        frames.append(x3_frame(253, payload + struct.pack("<3hhHHBBB", 4, 5, 6, 2500, 8 << 11 | 400, 200, 0, 0, 0)))
     return Case(
         "anello-x3", "anello-x3", rate, w * gyro_step, f * accel_step, frames, gyro_step, accel_step,
-        others=(_x3(251, bytes(20)),), knows_lost="clock",
+        others=(x3_frame(251, bytes(20)),), knows_lost="clock",
     )  # fmt: skip
 
 

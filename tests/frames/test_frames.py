@@ -145,6 +145,12 @@ def test_a_protocol_is_recognised_by_its_frames(name):
     assert recognise(data[3:-2]) == case.protocol
 
 
+def test_a_few_frames_are_no_protocol():
+    frames = made("sbg-short").frames
+    assert recognise(b"".join(frames[:3])) is None
+    assert recognise(b"".join(frames[:4])) == "sbg"
+
+
 def test_nothing_is_recognised_in_noise_and_text():
     rng = np.random.default_rng(10)
     assert recognise(rng.bytes(1 << 16)) is None

@@ -110,17 +110,17 @@ def test_stim_integrated_angle_is_refused():
         run(encoders.stim(80), data=encoders.stim_configuration(2, 3, 0, 4) + b"".join(encoders.stim(80).frames))
 
 
-@pytest.mark.parametrize("ident", sorted(stim._PARTS))
+@pytest.mark.parametrize("ident", sorted(stim.PARTS))
 def test_every_stim_datagram_is_found(ident):
     frames = []
     for i in range(80):
-        body = bytearray(bytes((ident,)) + bytes(stim._size(ident) - 1))
+        body = bytearray(bytes((ident,)) + bytes(stim.size_of(ident) - 1))
         body[1:4], body[-3] = (2**14).to_bytes(3, "big"), i
         frames.append(encoders.stim_datagram(bytes(body)))
     samples, report = decode(b"".join(frames), options=Options(rate_hz=125.0))
     assert report.protocol == "stim"
     assert samples.gyro == pytest.approx(np.tile([np.radians(1.0), 0, 0], (80, 1)))
-    assert (samples.temperature is not None) == ("t" in stim._PARTS[ident])
+    assert (samples.temperature is not None) == ("t" in stim.PARTS[ident])
 
 
 def test_a_counter_that_moves_by_four_counts_one_sample():
@@ -196,7 +196,7 @@ def test_kvh_time_since_the_pulse_restarts_each_second():
 def test_novatel_negated_y_and_z_first_are_undone():
     six = (3, -2, 1, 30, -20, 10)  # z, -y, x of velocity, then of angle
     lines = [
-        encoders._novatel_text(f"%RAWIMUSXA,2300,{i}.0;00,8,2300,{i / 200:.9f},00000000,{','.join(map(str, six))}")
+        encoders.novatel_text_frame(f"%RAWIMUSXA,2300,{i}.0;00,8,2300,{i / 200:.9f},00000000,{','.join(map(str, six))}")
         for i in range(80)
     ]
     samples, report = decode(b"".join(lines))
@@ -220,12 +220,12 @@ def test_novatel_without_imu_type_says_what_to_declare():
         run(encoders.novatel(80, log="RAWIMUS"), Options())
     unknown = "%RAWIMUSXA,2300,1.0;00,99,2300,{}.0,00000000,1,2,3,4,5,6"
     with pytest.raises(InputError, match="IMU type 99"):
-        decode(b"".join(encoders._novatel_text(unknown.format(i)) for i in range(9)), "novatel")
+        decode(b"".join(encoders.novatel_text_frame(unknown.format(i)) for i in range(9)), "novatel")
 
 
 def test_novatel_encrypted_frames_are_left_out_and_errors_marked():
     lines = [
-        encoders._novatel_text(f"%RAWIMUSXA,2300,1.0;{info},26,2300,{i / 200:.9f},00000000,1,2,3,4,5,6")
+        encoders.novatel_text_frame(f"%RAWIMUSXA,2300,1.0;{info},26,2300,{i / 200:.9f},00000000,1,2,3,4,5,6")
         for i, info in enumerate(["00"] * 40 + ["01"] * 20 + ["02"] * 20)
     ]
     samples, report = decode(b"".join(lines), "novatel")
@@ -246,7 +246,9 @@ def test_novatel_profiles_are_shipped():
 
 def test_sbg_status_and_high_scale():
     def frame(i: int, status: int) -> bytes:
-        return encoders._sbg(44, struct.pack("<IH6ih", 5000 * i, status, 0, 0, -10269082, 12304174, 0, 0, 256 * 20))
+        return encoders.sbg_frame(
+            44, struct.pack("<IH6ih", 5000 * i, status, 0, 0, -10269082, 12304174, 0, 0, 256 * 20)
+        )
 
     data = b"".join(frame(i, {70: 0x05FF, 71: 0x07DF}.get(i, 0x07FF)) for i in range(80))
     samples, _ = decode(data, "sbg")
@@ -258,7 +260,7 @@ def test_sbg_status_and_high_scale():
 
 def test_vectornav_takes_the_filtered_rate_only_where_there_is_no_other():
     case = encoders.vectornav(80)
-    frames = [encoders._vectornav(1, (0x0021,), frame[6:26]) for frame in case.frames]
+    frames = [encoders.vectornav_frame(1, (0x0021,), frame[6:26]) for frame in case.frames]
     samples, _ = decode(b"".join(frames), "vectornav")
     assert samples.gyro == pytest.approx(np.full((80, 3), 0.5))
     both = b"".join(frame + other for frame, other in zip(case.frames, frames, strict=True))
@@ -269,7 +271,7 @@ def test_vectornav_takes_the_filtered_rate_only_where_there_is_no_other():
 
 def test_vectornav_saturation():
     frames = [
-        encoders._vectornav(4, (0x0808,), struct.pack("<3fH", 0.1, 0.2, 0.3, 0x40 if i == 5 else 0x1))
+        encoders.vectornav_frame(4, (0x0808,), struct.pack("<3fH", 0.1, 0.2, 0.3, 0x40 if i == 5 else 0x1))
         for i in range(80)
     ]
     samples, _ = decode(b"".join(frames), "vectornav", Options(rate_hz=100.0))
@@ -279,7 +281,7 @@ def test_vectornav_saturation():
 
 def test_mip_overrange_and_gps_time():
     frames = [
-        encoders._mip(
+        encoders.mip_frame(
             [
                 (0x12, struct.pack(">dHH", 604799.5 + i / 100 if i < 50 else i / 100 - 0.5, 2300 + (i >= 50), 7)),
                 (0x05, struct.pack(">3f", 1, 2, 3)),
@@ -296,7 +298,7 @@ def test_mip_overrange_and_gps_time():
 
 def test_xbus_clipping_and_double_length():
     blocks = [(0x8020, struct.pack(">3f", 1, 2, 3)), (0x7010, bytes(200)), (0x7020, bytes(200))]
-    frames = [encoders._xbus([*blocks, (0xE020, struct.pack(">I", 0x800 if i == 9 else 0))]) for i in range(80)]
+    frames = [encoders.xbus_frame([*blocks, (0xE020, struct.pack(">I", 0x800 if i == 9 else 0))]) for i in range(80)]
     samples, report = decode(b"".join(frames), "xbus", Options(rate_hz=100.0))
     assert np.flatnonzero(samples.saturated).tolist() == [9]
     assert samples.gyro[0].tolist() == [1, 2, 3]
@@ -306,7 +308,7 @@ def test_xbus_clipping_and_double_length():
 def test_xbus_dq_of_a_fast_turn_is_an_angle_not_its_sine():
     rate, half = 2.0, 2.0 / 10 / 2
     dq = struct.pack(">4d", np.cos(half), 0, 0, np.sin(half))
-    frames = [encoders._xbus([(0x1060, struct.pack(">I", 1000 * i)), (0x8033, dq)]) for i in range(80)]
+    frames = [encoders.xbus_frame([(0x1060, struct.pack(">I", 1000 * i)), (0x8033, dq)]) for i in range(80)]
     samples, _ = decode(b"".join(frames), "xbus")
     assert samples.gyro[:, 2] == pytest.approx(np.full(80, rate), rel=1e-12)
 
@@ -323,7 +325,7 @@ def test_anello_x3_range_and_status():
     def frame(i: int, rate: int, status: int) -> bytes:
         payload = struct.pack("<QQ3h3h3i3hhHHBBB", 5_000_000 * i, 0, 0, 0, -4096, 1, 2, 3, rate, 0, 0, 4, 5, 6, 2500,
                               8 << 11 | 400, 200, 0, status, 0)  # fmt: skip
-        return encoders._x3(253, payload)
+        return encoders.x3_frame(253, payload)
 
     data = b"".join(frame(i, 2_000_000_000 if i == 3 else 4178, int(i == 4)) for i in range(80))
     samples, _ = decode(data, "anello-x3")
@@ -337,7 +339,7 @@ def test_anello_x3_range_and_status():
 
 def test_hg4930_control_messages_alone_are_taken():
     head = struct.pack("<6hHH", 100, -200, 300, 0, 0, -1000, 0x80F0, 0)
-    data = encoders._sum16(b"\x0e\x01" + head) * 80
+    data = encoders.sum16_frame(b"\x0e\x01" + head) * 80
     samples, report = decode(data, "hg4930")
     assert samples.gyro[0] == pytest.approx(np.array([100, -200, 300]) * 2.0**-20 * 600)
     assert samples.accel is not None
@@ -348,7 +350,7 @@ def test_hg4930_control_messages_alone_are_taken():
 def test_numbers_that_are_not_finite_are_left_out():
     values = np.full(12, np.nan, "<f4")
     good = encoders.anpp(80).frames
-    bad = encoders._anpp(28, values.tobytes())
+    bad = encoders.anpp_frame(28, values.tobytes())
     samples, report = decode(b"".join(good[:70]) + bad + b"".join(good[70:]), "anpp", Options(rate_hz=100.0))
     assert (len(samples), report.unusable) == (80, 1)
     assert samples.number.tolist() == [*range(70), *range(71, 81)]

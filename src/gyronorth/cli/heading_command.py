@@ -269,7 +269,8 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     inputs = [("file", file), ("method asked for", request.method)]
     if reading.window is not None:
         inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
-    declared = [(name, getattr(reading, name)) for name in ("axes", "gyro_unit", "accel_unit", "variable", "topic")]
+    names = ("axes", "gyro_unit", "accel_unit", "variable", "topic", "protocol")
+    declared = [(name, getattr(reading, name)) for name in names]
     inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
     if reading.rate_hz is not None:
         inputs.append(("declared rate", f"{reading.rate_hz:g} Hz"))

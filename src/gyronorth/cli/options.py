@@ -253,6 +253,17 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
+    "protocol": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME",
+                help="Protocol of a capture of a unit's frames; by default told by their checksums.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
     "drop_bad_rows": (
         Annotated[
             bool,

@@ -33,7 +33,8 @@ def crc_msb(rows: Rows, width: int, polynomial: int, start: int) -> Words:
     """CRC that takes the highest bit first, without final exclusive or, shape (frames,)."""
     table, mask = _table(width, polynomial, False), (1 << width) - 1
     if len(rows) < _FEW:
-        return np.array([_one_msb(row, table.tolist(), width, start) for row in rows.tolist()], np.int64)
+        entries = table.tolist()
+        return np.array([_one_msb(row, entries, width, start) for row in rows.tolist()], np.int64)
     crc = np.full(len(rows), start, np.int64)
     for column in np.ascontiguousarray(rows.T):
         crc = ((crc << 8) & mask) ^ table[(crc >> (width - 8)) ^ column]
@@ -44,7 +45,8 @@ def crc_lsb(rows: Rows, width: int, polynomial: int, start: int) -> Words:
     """CRC that takes the lowest bit first (`polynomial` reflected), without final exclusive or, shape (frames,)."""
     table = _table(width, polynomial, True)
     if len(rows) < _FEW:
-        return np.array([_one_lsb(row, table.tolist(), start) for row in rows.tolist()], np.int64)
+        entries = table.tolist()
+        return np.array([_one_lsb(row, entries, start) for row in rows.tolist()], np.int64)
     crc = np.full(len(rows), start, np.int64)
     for column in np.ascontiguousarray(rows.T):
         crc = (crc >> 8) ^ table[(crc & 0xFF) ^ column]

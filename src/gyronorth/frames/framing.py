@@ -60,6 +60,7 @@ class Framer:
         self._tail: Bytes = np.empty(0, np.uint8)
         self._offset = 0  # of the tail, in the stream
         self._needed = 0  # bytes that must be in the tail before more can be decided
+        self._usual = 0  # length of the last frame
         self._since_frame = 0  # bytes of no frame since the last one
         self.skipped = 0  # bytes of no frame, in all
 
@@ -75,6 +76,8 @@ class Framer:
         whole, layout = self._judge(data, start, length, complete)
         taken, decided = self._walk(data, start, length, complete, whole, last)
         frames = self._frames(data, start[taken], length[taken], layout[taken], decided)
+        if len(taken):
+            self._usual = int(length[taken[-1]])
         self._tail, self._offset = data[decided:].copy(), self._offset + decided
         open_ = length[(start == decided) & ~complete]
         self._needed = int(open_[0]) if len(open_) else 0
@@ -82,13 +85,20 @@ class Framer:
 
     def _judge(self, data: Bytes, start: Index, length: Index, complete: np.ndarray) -> tuple[np.ndarray, Index]:
         whole, layout = np.zeros(len(start), bool), np.full(len(start), -1, np.int64)
-        for size in np.unique(length[complete]).tolist():
-            index = np.flatnonzero(complete & (length == size))
+        open_, sizes = complete.copy(), np.unique(length[complete]).tolist()
+        for size in sorted(sizes, key=lambda size: size != self._usual):  # the usual one first
+            index = np.flatnonzero(open_ & (length == size))
+            if not len(index):
+                continue
             rows = data[start[index][:, None] + np.arange(size)]
             good = self._protocol.whole(rows)
             whole[index] = good
             if good.any():
                 layout[index[good]] = self._protocol.layouts(rows[good])
+                if size == self._usual:  # what begins inside such a frame is none
+                    first = start[index[good]]
+                    last = first[np.maximum(np.searchsorted(first, start, side="right") - 1, 0)]
+                    open_ &= (start <= last) | (start >= last + size)
         return whole, layout
 
     def _walk(

@@ -61,13 +61,13 @@ class Fields:
     usable: Mask | None = None  # (n,) None: all
 
 
-def scale_as_sent(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def scale_as_sent(_layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     """For protocols whose fields are in SI already."""
     return Scale()
 
 
 def nothing_to_infer(
-    fields: Fields, scale: Scale, options: Options, rate_hz: float | None
+    _fields: Fields, scale: Scale, _options: Options, _rate_hz: float | None
 ) -> tuple[Scale, tuple[Finding, ...]]:
     """For protocols whose frames leave nothing open."""
     return scale, ()
@@ -90,7 +90,7 @@ class Protocol:
     #: The numbers of frames of one layout and length.
     fields: Callable[[Bytes, int], Fields]
     #: Order among layouts of one stream: the smallest is taken.
-    rank: Callable[[int], int] = lambda layout: 0
+    rank: Callable[[int], int] = lambda _layout: 0
     scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent
     #: What the frames at the start tell beyond what is stated: units, ranges.
     infer: Callable[[Fields, Scale, Options, float | None], tuple[Scale, tuple[Finding, ...]]] = nothing_to_infer

@@ -139,7 +139,7 @@ class FrameStream:
         self._choose_rate(rate_of_clock(fields))
         self._scale, findings = self._protocol.infer(fields, self._scale, self._options, self._rate)
         self._findings += findings
-        if self._rate is None and self._needs_rate(fields):
+        if self._rate is None and self._needs_rate():
             raise InputError(
                 f"The {self._info.title} stream holds increments per sample and no time; their rate is not known. "
                 "Pass --rate HZ, the rate to which the unit is set."
@@ -151,7 +151,7 @@ class FrameStream:
         )
         return True
 
-    def _needs_rate(self, fields: Fields) -> bool:
+    def _needs_rate(self) -> bool:
         return self._scale.gyro_increments or self._scale.accel_increments
 
     def _choose_rate(self, measured: float | None) -> None:

@@ -11,6 +11,9 @@ from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import Source
 
+#: Bytes at the start of a file by which its format is recognised.
+LOOK = 1 << 16
+
 
 @dataclass(frozen=True)
 class Format:
@@ -18,7 +21,7 @@ class Format:
 
     info: FormatInfo
     open: Callable[[Path, ReadOptions], Source]
-    recognises: Callable[[bytes], bool] = lambda head: False  # by the first 4096 bytes of a file
+    recognises: Callable[[bytes], bool] = lambda head: False  # by the first `LOOK` bytes of a file
     write: Callable[[RecordingStream, Path], None] | None = None
 
 

@@ -48,6 +48,7 @@ class ReadOptions:
     topic: str | None = None  # name of the topic in a bag of ROS or an MCAP file
     latitude: float | None = None  # geodetic latitude, rad
     drop_bad_rows: bool = False  # leave out rows that cannot be used, and count them
+    protocol: str | None = None  # of a capture of frames; by default it is recognised by its checksums
     format: str | None = None  # name of the format; by default from suffix and content
     window: tuple[float, float] | None = None  # only [start, end) of the file, s from its first sample
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError
-from gyronorth.readers.format import Format
+from gyronorth.readers.format import LOOK, Format
 from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
@@ -104,11 +104,9 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
             raise InputError(f"{path.name} is empty.")
         if path.is_file():
             _check_unpacked(path)
-        name = (
-            "rosbag2"
-            if path.is_dir()
-            else options.format or FORMATS.suffixes.get(path.suffix.lower()) or recognised(path)
-        )
+        by_suffix = FORMATS.suffixes.get(path.suffix.lower())
+        declared = options.format or ("frames" if options.protocol is not None else None)
+        name = "rosbag2" if path.is_dir() else declared or by_suffix or recognised(path)
         if name not in FORMATS:
             raise InputError(f"format is {name!r}; one of {', '.join(FORMATS)} is expected.")
         info = FORMATS.info(name)
@@ -182,12 +180,13 @@ def _natural(path: Path) -> tuple[object, ...]:
 
 def recognised(path: Path) -> str:
     """The format that the content of a file shows; CSV if it shows none."""
-    head = _head(path)
-    # Files with a signature of their own come first: a text may hold any word.
-    signed = (name for name in FORMATS if name not in ("csv", "psins", "mt-manager"))
-    return next((name for name in (*signed, "psins", "mt-manager") if FORMATS[name].recognises(head)), "csv")
+    head = _head(path, LOOK)
+    # Files with a signature of their own come first: a text may hold any word, and frames any bytes.
+    last = ("psins", "mt-manager", "frames")
+    signed = (name for name in FORMATS if name not in last)
+    return next((name for name in (*signed, *last) if FORMATS[name].recognises(head)), "csv")
 
 
-def _head(path: Path) -> bytes:
+def _head(path: Path, size: int = 4096) -> bytes:
     with path.open("rb") as file:
-        return file.read(4096)
+        return file.read(size)

@@ -58,7 +58,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     if layout < _LEAST_OF_THREE:
         raise InputError(
             f"The #APIMU lines have {layout} fields: such a unit has one optical gyro (z) and MEMS gyros, which cannot "

@@ -34,7 +34,7 @@ def _layouts(rows: Bytes) -> Index:
     return np.where((rows[:, 2] == _IMU) & (rows[:, 3] == _SIZE), _IMU, OTHER)
 
 
-def _fields(rows: Bytes, layout: int) -> Fields:
+def _fields(rows: Bytes, _layout: int) -> Fields:
     optical = column(rows, 32, "<i4", 3)
     ranges = column(rows, 52, "<u2").astype(np.int64)
     optical_range = column(rows, 54, "<u2").astype(float)

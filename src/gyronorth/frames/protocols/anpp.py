@@ -38,7 +38,7 @@ def _layouts(rows: Bytes) -> Index:
     return np.where(known, _RAW_SENSORS, OTHER)
 
 
-def _fields(rows: Bytes, layout: int) -> Fields:
+def _fields(rows: Bytes, _layout: int) -> Fields:
     values = column(rows, _HEADER, "<f4", 12).astype(float)
     return Fields(gyro=values[:, 3:6], accel=values[:, 0:3], temperature=values[:, 9])
 

@@ -53,7 +53,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     return Fields(gyro.astype(float), accel.astype(float))
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     if layout == _CONTROL:
         gyro, accel = 2.0**-20 * _CONTROL_HZ, 2.0**-14 * _FOOT * _CONTROL_HZ
         return Scale(gyro, accel, usual_rate_hz=_CONTROL_HZ, profile="hg4930")

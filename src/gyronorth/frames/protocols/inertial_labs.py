@@ -64,7 +64,7 @@ def _layouts(rows: Bytes) -> Index:
     return np.where(user, layouts_of(rows, _parse, _flags), OTHER)
 
 
-def _fields(rows: Bytes, layout: int) -> Fields:
+def _fields(rows: Bytes, _layout: int) -> Fields:
     blocks, _ = _parse(rows[0]) or ({}, None)
     accel = column(rows, blocks[_ACCEL][0], "<i4", 3) * 1e-6 * STANDARD_GRAVITY if _ACCEL in blocks else None
     return Fields(

@@ -63,7 +63,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(_layout: int, _facts: Sequence[Bytes], options: Options) -> Scale:
     increments = options.increments in ("gyro", "both", None)
     return Scale(
         _UNITS[options.gyro_unit or "rad/s"], STANDARD_GRAVITY, gyro_increments=increments, usual_rate_hz=1000.0

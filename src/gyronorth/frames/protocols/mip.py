@@ -105,7 +105,7 @@ def _time(rows: Bytes, blocks: Blocks) -> tuple[Index | None, Mask | None]:
     return None, None
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(1.0, STANDARD_GRAVITY, bool(layout & _GYRO_INCREMENTS), bool(layout & _ACCEL_INCREMENTS))
 
 

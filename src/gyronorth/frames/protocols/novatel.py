@@ -182,7 +182,7 @@ def _hexadecimal(text: bytes) -> int:
         return _ERROR
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], options: Options) -> Scale:
     names = ", ".join(imu.name for imu in IMU_TYPES)
     if layout // 1000 in _TYPED:
         known = [imu for imu in IMU_TYPES if imu.number == layout % 1000]

@@ -27,7 +27,7 @@ from gyronorth.frames.checksums import column, crc_msb, int24
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale
 
 #: Parts of a datagram: r rate, a acceleration, i inclination, t their temperatures, x AUX or PPS.
-_PARTS = {
+PARTS = {
     0x90: "r", 0x91: "ra", 0x92: "ri", 0x93: "rai", 0x94: "rt", 0xA5: "rat", 0xA6: "rit", 0xA7: "rait",
     0x98: "rx", 0x99: "rax", 0x9A: "rix", 0x9B: "raix", 0x9C: "rtx", 0xAD: "ratx", 0xAE: "ritx", 0xAF: "raitx",
     0xF0: "rx", 0xF1: "rax", 0xF2: "rix", 0xF3: "raix", 0xF4: "rtx", 0xF5: "ratx", 0xF6: "ritx", 0xF7: "raitx",
@@ -49,18 +49,18 @@ _OVERLOAD, _FAULT = 0x10, 0xC8
 _GRAVITY_SHARE = 0.3
 
 
-def _size(ident: int) -> int:
+def size_of(ident: int) -> int:
     """Bytes before the CRC."""
     if ident in _SPECIAL:
         return 1 + _SPECIAL[ident]
-    parts = _PARTS[ident]
+    parts = PARTS[ident]
     triads = len(set(parts) & set("rai"))
     return 1 + 10 * triads + (7 * triads if "t" in parts else 0) + (4 if "x" in parts else 0) + 3
 
 
 _LENGTH = np.zeros(256, np.int64)
-for _ident in (*_PARTS, *_SPECIAL):
-    _LENGTH[_ident] = _size(_ident) + 4
+for _ident in (*PARTS, *_SPECIAL):
+    _LENGTH[_ident] = size_of(_ident) + 4
 
 
 def _starts(data: Bytes) -> tuple[Index, Index]:
@@ -78,12 +78,12 @@ def _whole(rows: Bytes) -> Mask:
 
 def _layouts(rows: Bytes) -> Index:
     ident = rows[:, 0].astype(np.int64)
-    layout = np.where(np.isin(ident, list(_PARTS)), ident, OTHER)
+    layout = np.where(np.isin(ident, list(PARTS)), ident, OTHER)
     return np.where(np.isin(ident, _CONFIGURATION), _FACTS, layout)
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:
-    parts, at = _PARTS[layout], 1
+    parts, at = PARTS[layout], 1
     values, status = {}, {}
     for part in parts.rstrip("x").rstrip("t"):
         values[part], status[part] = int24(rows, at).astype(float), rows[:, at + 9]
@@ -96,7 +96,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     return Fields(
         gyro=values["r"],
         accel=values.get("a"),
-        counter=rows[:, _size(layout) - 3].astype(np.int64),
+        counter=rows[:, size_of(layout) - 3].astype(np.int64),
         counter_wrap=256,
         saturated=(all_status & _OVERLOAD) != 0,
         fault=(all_status & _FAULT) != 0,
@@ -104,7 +104,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(_layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
     if facts:
         return _scale_of(facts[-1][0])
     increments = options.increments or "none"
@@ -141,7 +141,7 @@ def _scale_of(configuration: Bytes) -> Scale:
     return replace(scale, rate_hz=rate_hz, stated=True)
 
 
-def _infer(fields: Fields, scale: Scale, options: Options, rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
+def _infer(fields: Fields, scale: Scale, options: Options, _rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
     """Without a configuration datagram: the accelerometer's range from gravity, else 10 g."""
     if scale.stated or (options.increments and options.accel_range_g):
         return scale, ()

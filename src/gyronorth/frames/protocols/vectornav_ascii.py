@@ -35,7 +35,7 @@ def _layouts(rows: Bytes) -> Index:
     return np.where(named & ((rows == ord(",")).sum(axis=1) == _COMMAS), _LAYOUT, OTHER)
 
 
-def _fields(rows: Bytes, layout: int) -> Fields:
+def _fields(rows: Bytes, _layout: int) -> Fields:
     values = numbers([line.split(b",") for line in texts(rows, len(_NAME), -3)], slice(0, 11))
     usable = np.asarray(np.isfinite(values).all(axis=1))
     return Fields(gyro=values[:, 6:9], accel=values[:, 3:6], temperature=values[:, 9], usable=usable)

@@ -120,7 +120,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(gyro_increments=bool(layout & _GYRO_INCREMENTS), accel_increments=bool(layout & _ACCEL_INCREMENTS))
 
 
