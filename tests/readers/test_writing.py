@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -127,3 +128,16 @@ def test_reading_does_not_change_what_was_read(tmp_path):
     first = read(tmp_path / "rec.npz")
     first.gyro_b[:] = 0
     assert_array_equal(read(tmp_path / "rec.npz").gyro_b, awkward().gyro_b)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_a_file_whose_undeclared_axes_gravity_contradicts_is_not_rewritten(tmp_path: Path, suffix: str) -> None:
+    source, target = tmp_path / "up.csv", tmp_path / f"out{suffix}"
+    rows = "".join(f"{k / 100},1e-5,-2e-5,5e-5,0.01,0.02,9.807\n" for k in range(300))
+    source.write_text("t,w_x,w_y,w_z,f_x,f_y,f_z\n" + rows)
+    units = {"gyro_unit": "rad/s", "accel_unit": "m/s2"}
+    with pytest.raises(InputError, match="Declare them: --axes"):
+        write(read(source, **units), target)
+    assert not target.exists()
+    write(read(source, axes="rfu", **units), target)
+    assert read(target).accel_b[:, 2].mean() == pytest.approx(-9.807)

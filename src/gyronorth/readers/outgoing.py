@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.errors import InputError
 from gyronorth.readers.facts import write_facts
 from gyronorth.readers.source import Facts
 from gyronorth.recording import Gap, Recording
@@ -30,11 +31,21 @@ class Rows:
 
 
 class RecordingStream:
-    """Passes the chunks of one recording on and keeps count of samples, gaps and dropped rows."""
+    """Passes the chunks of one recording on and keeps count of samples, gaps and dropped rows.
+
+    Raises
+    ------
+    InputError
+        If a remark on the recording blocks a valid heading (axes that nobody declared and gravity
+        contradicts): the file would state its axes, and the remark would be lost.
+    """
 
     def __init__(self, chunks: Iterable[Recording]) -> None:
         self._chunks = iter(chunks)
         self._first = next(self._chunks)
+        blocking = [note.message for note in self._first.notes if note.blocking]
+        if blocking:
+            raise InputError(f"{' '.join(blocking)} Nothing is written: the new file would state axes as if declared.")
         self._gaps: list[Gap] = []
         self._samples = self._dropped = 0
         self.rate_hz = float(self._first.rate_hz)
