@@ -154,7 +154,7 @@ def _one(
     trace = None if blocks.trace is None else blocks.trace[index]
     measured = float(blocks.white[index])
     if trace is not None:  # what is free of motion bounds the noise
-        second = trace[2:] - 2 * trace[1:-1] + trace[:-2]
+        second = np.asarray(trace[2:] - 2 * trace[1:-1] + trace[:-2], dtype=float)
         measured = min(measured, 1.3 * float(np.mean(second**2) / blocks.seconds) ** 0.5)
     scales = scales_of(sensor, measured)
     whites, share = white_scales(measured, scales.sensor.gyro.white, known=scales.known)
