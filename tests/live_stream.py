@@ -12,7 +12,7 @@ import numpy as np
 from still import LATITUDE, SI, TITLES, rows_of, still
 
 from gyronorth.live.events import Bytes, Connected, Emit, Ended, SourceEvent
-from gyronorth.live.session import Session, Settings
+from gyronorth.live.session import LiveSettings, Session
 from gyronorth.readers import ReadOptions
 
 RATE_HZ = 100.0
@@ -53,7 +53,7 @@ class Played:
 def session_of(*events, save: Path | None = None, **settings) -> Session:
     """A session that has come to the end of its source."""
     settings.setdefault("reading", ReadOptions())
-    session = Session(Played(*events), Settings(save=save, **settings))
+    session = Session(Played(*events), LiveSettings(save=save, **settings))
     session.start()
     assert session.ended.wait(90)
     session.close()

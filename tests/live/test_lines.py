@@ -14,7 +14,7 @@ from still import SI, TITLES, csv_file
 
 from gyronorth import read
 from gyronorth.errors import InputError
-from gyronorth.live.lines import MOST_KEYS, LineReader, Rows
+from gyronorth.live.lines import MOST_KEYS, LineReader, LiveRows
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
 from gyronorth.readers import ReadOptions
@@ -180,8 +180,8 @@ def test_a_header_that_lacks_a_column_is_refused_at_once():
         read_all(b"t,w_x,w_y\n0,1,2\n")
 
 
-def rows_at(times: list[float]) -> Rows:
-    return Rows(np.array(times)[:, None], [repr(time).encode() for time in times])
+def rows_at(times: list[float]) -> LiveRows:
+    return LiveRows(np.array(times)[:, None], [repr(time).encode() for time in times])
 
 
 def sorted_times(times: list[float], *cuts: int) -> tuple[list[list[float]], Timeline]:

@@ -23,7 +23,7 @@ from gyronorth.live import session as session_module
 from gyronorth.live.events import Connected, Lost
 from gyronorth.live.lines import LineReader
 from gyronorth.live.recorder import Recorder, check_place
-from gyronorth.live.session import Session, Settings
+from gyronorth.live.session import LiveSettings, Session
 from gyronorth.live.status import Status
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.wording import lights
@@ -219,7 +219,7 @@ def test_marks_stop_and_start(tmp_path):
         *(HEAD, ROWS[:1000], lambda: command("mark", "door\nopened"), ROWS[1000:2000], lambda: command("stop")),
         *(ROWS[2000:2500], lambda: command("start"), ROWS[2500:]),
     )
-    session = Session(played, Settings(ReadOptions(), save=tmp_path / "rec.csv"))
+    session = Session(played, LiveSettings(ReadOptions(), save=tmp_path / "rec.csv"))
     session.start()
     assert session.ended.wait(90)
     session.close()
@@ -244,7 +244,7 @@ def test_a_source_that_stalls_makes_the_heading_invalid(tmp_path, monkeypatch):
                 return
             time.sleep(0.05)
 
-    session = Session(Played(HEAD, ROWS[:3500], look, ROWS[3500:]), Settings(ReadOptions()))
+    session = Session(Played(HEAD, ROWS[:3500], look, ROWS[3500:]), LiveSettings(ReadOptions()))
     session.start()
     assert session.ended.wait(90)
     session.close()
@@ -257,7 +257,7 @@ def test_a_source_that_stalls_makes_the_heading_invalid(tmp_path, monkeypatch):
 def test_what_waits_when_the_session_is_closed_is_recorded(tmp_path):
     session = Session(
         Played(HEAD, *(ROWS[at : at + 50] for at in range(0, 4000, 50)), 60),
-        Settings(ReadOptions(), save=tmp_path / "rec.csv"),
+        LiveSettings(ReadOptions(), save=tmp_path / "rec.csv"),
     )
     session.start()
     while session.status.counters.good < 4000:
@@ -280,7 +280,7 @@ def test_a_recording_is_named_only_once_its_file_is_there(tmp_path):
     played = Played(
         HEAD, lambda: before.append(session.status), 0.3, lambda: before.append(session.status), ROWS[:1500]
     )
-    session = Session(played, Settings(ReadOptions(), save=tmp_path / "rec.csv"))
+    session = Session(played, LiveSettings(ReadOptions(), save=tmp_path / "rec.csv"))
     assert session.status.recording is None
     session.start()
     assert session.ended.wait(90)

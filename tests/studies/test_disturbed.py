@@ -14,7 +14,7 @@ from gyronorth.earth import EARTH_RATE
 from gyronorth.simulation.disturbance import ReferenceSet, reference_set
 from gyronorth.studies import disturbed, disturbed_long, disturbed_paper
 from gyronorth.studies.disturbed_methods import METHODS, Part, part_of, periodogram
-from gyronorth.studies.study import Plan
+from gyronorth.studies.study import StudyPlan
 
 
 def ideal(heading, extra):
@@ -80,7 +80,7 @@ def test_units_and_report(monkeypatch):
     monkeypatch.setattr(disturbed, "BAYES_ROWS", 2)
     monkeypatch.setattr(disturbed_paper, "TRAINED", 40)
     monkeypatch.setattr(disturbed_paper, "VALIDATED", 20)
-    units = disturbed.DISTURBED.units(Plan(epochs=1))
+    units = disturbed.DISTURBED.units(StudyPlan(epochs=1))
     names = ["fast-0000", "fast-0004", "bayes-0000", "bayes-0002", "trained"]
     expected = [*(f"disturbed/mixed-100s-0.1/{name}" for name in names), "disturbed/beat-10s-0.1/fast-0000"]
     assert [unit.name for unit in units] == [*expected, "disturbed/cost"]
@@ -101,7 +101,7 @@ def test_units_and_report(monkeypatch):
     whole = units[0].function(**{**units[0].arguments, "rows": [0, 6]})["error_deg"]
     parts = [results[f"disturbed/mixed-100s-0.1/fast-000{i}"]["error_deg"]["learned"] for i in (0, 4)]
     assert_allclose(whole["learned"], [*parts[0], *parts[1]], atol=1e-5)
-    report = disturbed.DISTURBED.report(Plan(), results)
+    report = disturbed.DISTURBED.report(StudyPlan(), results)
     table = report.tables[0]
     cells = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
     assert list(cells) == [*METHODS, *disturbed_paper.ROWS]
@@ -147,11 +147,11 @@ def test_long_recordings(monkeypatch):
     monkeypatch.setattr(disturbed_long, "DURATIONS", (400.0,))
     monkeypatch.setattr(disturbed_long, "RUNS", 6)
     monkeypatch.setattr(disturbed_long, "ROWS", 4)
-    units = disturbed_long.LONG.units(Plan())
+    units = disturbed_long.LONG.units(StudyPlan())
     assert [unit.name for unit in units] == ["long/warmup-400s/0000", "long/warmup-400s/0004"]
     results = {unit.name: unit.function(**unit.arguments) for unit in units}
     assert json.loads(json.dumps(results)) == results
-    (table,) = disturbed_long.LONG.report(Plan(), results).tables
+    (table,) = disturbed_long.LONG.report(StudyPlan(), results).tables
     cells = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
     assert list(cells) == [f"400 s: {name}" for name in disturbed_long.METHODS]
     errors = np.concatenate([unit["error_deg"]["learned"] for unit in results.values()])
@@ -159,4 +159,4 @@ def test_long_recordings(monkeypatch):
     assert_allclose(cells["400 s: learned"]["CRMSE, deg"].value, np.sqrt(np.mean(errors**2)), rtol=1e-3)
     assert cells["400 s: mean"]["ratio to the mean"].value == 1.0
     assert cells["400 s: auto"]["CRMSE, deg"].value < 0.7 * cells["400 s: mean"]["CRMSE, deg"].value
-    assert "400 s" in disturbed_long.LONG.floor(Plan(), table)
+    assert "400 s" in disturbed_long.LONG.floor(StudyPlan(), table)

@@ -12,12 +12,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gyronorth.angles import angle_error
+from gyronorth.published import fit_noise, published
 from gyronorth.studies import disturbed, paper_variants
 from gyronorth.studies.benchmark import STUDIES, run_benchmark
 from gyronorth.studies.methods import floor
-from gyronorth.studies.study import Plan
+from gyronorth.studies.study import StudyPlan
 from gyronorth.studies.tables import Table
-from gyronorth.twin import fit_noise, published
 
 DATA = Path(__file__).parents[2] / "docs/results/data"
 STUDY = {study.name: study for study in STUDIES}
@@ -30,7 +30,7 @@ def lines(name):
     study = STUDY[name]
     content = json.loads((DATA / study.benchmark / f"{name}.json").read_text())
     tables = [Table(t["title"], tuple(t["columns"]), tuple(map(tuple, t["rows"]))) for t in content["tables"]]
-    return {t.title: study.markdown(t, Plan(**content["plan"])).strip().splitlines()[-1] for t in tables}
+    return {t.title: study.markdown(t, StudyPlan(**content["plan"])).strip().splitlines()[-1] for t in tables}
 
 
 def values(line):
@@ -66,7 +66,7 @@ def test_with_a_bias_that_cannot_be_learnt():
     rate, heading = np.degrees(figures.mean_rate) * 3600, figures.heading_true
     bias = np.mean([(rate[:, 0] - NORTH * np.cos(heading)).std(), (rate[:, 1] + NORTH * np.sin(heading)).std()])
     expected = np.hypot(white_floor(np.degrees(fit_noise().arw) * 60, 100), np.degrees(bias / NORTH))
-    assert_allclose(np.degrees(floor(Plan().recordings(), 100.0)), expected, rtol=1e-6)
+    assert_allclose(np.degrees(floor(StudyPlan().recordings(), 100.0)), expected, rtol=1e-6)
 
 
 def test_of_disturbed_recordings_with_and_without_the_residual_bias():

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 from gyronorth.angles import angle_error
 from gyronorth.errors import InputError
+from gyronorth.published import model_based
 from gyronorth.recording import Recording
 from gyronorth.simulation import simulate
 from gyronorth.studies import networks, paper_table_2, paper_variants
@@ -19,10 +20,9 @@ from gyronorth.studies.networks import BASELINE, WITHOUT_DENOISER, denoiser_unit
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.published_splits import split_units
 from gyronorth.studies.source import described, public_recordings, recordings_of
-from gyronorth.studies.study import Plan
-from gyronorth.twin import model_based
+from gyronorth.studies.study import StudyPlan
 
-PLAN = Plan(epochs=1)
+PLAN = StudyPlan(epochs=1)
 TINY = {
     "denoiser": {"layers": 1, "hidden": 4},
     "heading": {"layers": 1, "hidden": 4, "augment": {"copies": 2}},
@@ -38,8 +38,8 @@ def run(unit):
 
 
 def test_networks_and_other_methods_are_tested_on_the_same_recordings():
-    network = paper_table_2.network_units(Plan())["baseline network (II-B)"]
-    others = split_units(Plan())
+    network = paper_table_2.network_units(StudyPlan())["baseline network (II-B)"]
+    others = split_units(StudyPlan())
     for one, other in zip(network, others, strict=False):
         for part in ("train", "validation", "test"):
             assert sorted(one.arguments["split"][part]) == sorted(other.arguments[part])

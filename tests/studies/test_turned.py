@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from gyronorth.planning import plan_turns
 from gyronorth.studies import turned as study
-from gyronorth.studies.study import Plan
+from gyronorth.studies.study import StudyPlan
 
 
 @pytest.mark.parametrize(
@@ -35,12 +35,12 @@ def test_units_and_report(monkeypatch):
     tilted = replace(small, roll_deg=10.0, latitude_deg=-45.0)
     monkeypatch.setattr(study, "CASES", {"2 x 180": small, "tilted": tilted})
     monkeypatch.setattr(study, "ROWS", 4)
-    units = study.TURNED.units(Plan())
+    units = study.TURNED.units(StudyPlan())
     assert [unit.arguments["runs"] for unit in units] == [4, 2, 4, 2]
     results = {unit.name: unit.function(**unit.arguments) for unit in units}
     assert json.loads(json.dumps(results)) == results
     assert len({json.dumps(result) for result in results.values()}) == 4  # every unit draws its own recordings
-    table = study.TURNED.report(Plan(), results).tables[0]
+    table = study.TURNED.report(StudyPlan(), results).tables[0]
     for row, name in zip(table.rows, ("2 x 180", "tilted"), strict=True):
         assert row[:2] == (name, 6)
         assert_allclose(row[2].value, row[3] * row[4].value)

@@ -15,8 +15,8 @@ from gyronorth.cli import app
 from gyronorth.errors import InputError
 from gyronorth.files import no_empty_folder
 from gyronorth.studies.benchmark import run_benchmark, studies_of
-from gyronorth.studies.study import Plan
-from gyronorth.studies.work import Unit, data_sha256, executor_on, run_units
+from gyronorth.studies.study import StudyPlan
+from gyronorth.studies.work import Job, data_sha256, executor_on, run_units
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
 
 
 def test_a_result_file_holds_what_repeats_it(tmp_path, pool):
-    units = [Unit("a/one", square, {"value": 3, "seed": 5})]
+    units = [Job("a/one", square, {"value": 3, "seed": 5})]
     assert run_units(units, tmp_path, pool, command="gyronorth benchmark x") == {"a/one": {"square": 9}}
     content = json.loads((tmp_path / "units/a/one.json").read_text())
     assert content["result"] == {"square": 9}
@@ -52,19 +52,19 @@ def test_a_result_file_holds_what_repeats_it(tmp_path, pool):
 
 def test_finished_units_are_not_run_again_and_changed_ones_are(tmp_path, pool):
     log = tmp_path / "log"
-    units = [Unit(f"u/{i}", logged, {"value": i, "log": str(log)}) for i in range(3)]
+    units = [Job(f"u/{i}", logged, {"value": i, "log": str(log)}) for i in range(3)]
     run_units(units[:2], tmp_path, pool, command="")
     run_units(units, tmp_path, pool, command="")
     assert sorted(log.read_text().split()) == ["0", "1", "2"]
-    changed = [Unit("u/0", logged, {"value": 7, "log": str(log)})]
+    changed = [Job("u/0", logged, {"value": 7, "log": str(log)})]
     assert run_units(changed, tmp_path, pool, command="")["u/0"] == {"square": 49}
 
 
 def test_a_unit_gets_what_it_needs_and_that_is_run_once(tmp_path, pool):
     log = tmp_path / "log"
-    first = [Unit(f"u/{i}", logged, {"value": i, "log": str(log)}) for i in (1, 2)]
+    first = [Job(f"u/{i}", logged, {"value": i, "log": str(log)}) for i in (1, 2)]
     results = run_units(
-        [Unit("t/a", total, {}, tuple(first)), Unit("t/b", total, {}, tuple(first[:1]))], tmp_path, pool, command=""
+        [Job("t/a", total, {}, tuple(first)), Job("t/b", total, {}, tuple(first[:1]))], tmp_path, pool, command=""
     )
     assert results["t/a"] == {"total": 5}
     assert results["t/b"] == {"total": 1}
@@ -72,7 +72,7 @@ def test_a_unit_gets_what_it_needs_and_that_is_run_once(tmp_path, pool):
 
 
 def test_a_failing_unit_is_raised_and_the_others_are_kept(tmp_path):
-    units = [Unit("ok", slow, {"value": 2, "seconds": 0.2}), Unit("bad", failing, {"value": 1})]
+    units = [Job("ok", slow, {"value": 2, "seconds": 0.2}), Job("bad", failing, {"value": 1})]
     with ThreadPoolExecutor(2) as executor, pytest.raises(RuntimeError, match="unit 1 failed"):
         run_units(units, tmp_path, executor, command="")
     assert list(files_of(tmp_path)) == ["units/ok.json"]
@@ -80,7 +80,7 @@ def test_a_failing_unit_is_raised_and_the_others_are_kept(tmp_path):
 
 def test_two_units_of_one_name_are_refused(tmp_path, pool):
     with pytest.raises(ValueError, match="Two different units are called x"):
-        run_units([Unit("x", square, {"value": 1}), Unit("x", square, {"value": 2})], tmp_path, pool, command="")
+        run_units([Job("x", square, {"value": 1}), Job("x", square, {"value": 2})], tmp_path, pool, command="")
 
 
 def test_unknown_benchmarks_and_studies_are_refused():
@@ -89,7 +89,7 @@ def test_unknown_benchmarks_and_studies_are_refused():
     with pytest.raises(InputError, match="has no study 'table_9'"):
         studies_of("paper", ("table_9",))
     with pytest.raises(InputError, match="splits is 0"):
-        Plan(splits=0)
+        StudyPlan(splits=0)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_benchmark_writes_json_and_markdown_and_continues(tmp_path):
 
 
 def test_workers_that_end_are_told_and_what_is_finished_is_kept(tmp_path):
-    units = [Unit("ok", square, {"value": 2}), Unit("bad", dying, {"value": 1})]
+    units = [Job("ok", square, {"value": 2}), Job("bad", dying, {"value": 1})]
     with executor_on(None, workers=1) as executor:
         run_units(units[:1], tmp_path, executor, command="")
         with pytest.raises(InputError, match=r"workers were lost before .* fewer --workers"):
@@ -170,15 +170,15 @@ def test_what_dask_loses_is_told_or_computed_again(tmp_path, monkeypatch):
     with cluster, executor_on(cluster.scheduler_address) as executor:
         with monkeypatch.context() as patch:
             patch.setattr(distributed.Client, "_gather", fetched_then_lost)
-            results = run_units([Unit("a", square, {"value": 3})], tmp_path, executor, command="")
+            results = run_units([Job("a", square, {"value": 3})], tmp_path, executor, command="")
         assert results == {"a": {"square": 9}}
         with pytest.raises(RuntimeError, match="unit 1 failed"):
-            run_units([Unit("b", failing, {"value": 1})], tmp_path, executor, command="")
+            run_units([Job("b", failing, {"value": 1})], tmp_path, executor, command="")
         given_up = distributed.KilledWorker("c", SimpleNamespace(address="tcp://127.0.0.1:1"), 3)
         with monkeypatch.context() as patch:
             patch.setattr(distributed.Future, "result", ends_with(given_up))
             with pytest.raises(InputError, match="workers were lost before"):
-                run_units([Unit("c", square, {"value": 1})], tmp_path, executor, command="")
+                run_units([Job("c", square, {"value": 1})], tmp_path, executor, command="")
     assert list(files_of(tmp_path)) == ["units/a.json"]
 
 
@@ -188,8 +188,8 @@ def test_dask_gives_the_same_files_and_a_killed_worker_loses_nothing(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask (extra `scale`) is not installed")
 
     def units(mark):
-        many = [Unit(f"u/{i}", square, {"value": i}) for i in range(10)]
-        return [*many, Unit("dies", dying_once, {"value": 4, "mark": mark}), Unit("t", total, {}, tuple(many))]
+        many = [Job(f"u/{i}", square, {"value": i}) for i in range(10)]
+        return [*many, Job("dies", dying_once, {"value": 4, "mark": mark}), Job("t", total, {}, tuple(many))]
 
     mark = tmp_path / "mark"
     cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)

@@ -37,7 +37,7 @@ def benchmark(
     from gyronorth.files import no_empty_folder
     from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark, studies_of
-    from gyronorth.studies.study import Plan
+    from gyronorth.studies.study import StudyPlan
 
     values: dict[str, Any] = {
         "seed": seed,
@@ -47,7 +47,9 @@ def benchmark(
         "epochs": epochs,
     }
     values["data"] = None if data is None else str(data)
-    plan = Plan(**{field.name: values[field.name] for field in fields(Plan) if values[field.name] is not None})
+    plan = StudyPlan(
+        **{field.name: values[field.name] for field in fields(StudyPlan) if values[field.name] is not None}
+    )
     studies_of(name, tuple(study or ()))
     plan.source()  # both refuse before any work
     with no_empty_folder(output), units_done() as progress:

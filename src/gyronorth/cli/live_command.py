@@ -119,7 +119,7 @@ def live(
     from gyronorth.errors import InputError
     from gyronorth.live import nmea_out as nmea
     from gyronorth.live.recorder import check_place
-    from gyronorth.live.session import Session, Settings
+    from gyronorth.live.session import LiveSettings, Session
     from gyronorth.live.sources import open_source
     from gyronorth.sensor import read_sensor
 
@@ -133,7 +133,7 @@ def live(
     profile = None if sensor is None else read_sensor(sensor)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    session = Session(opened, Settings(reading, profile, method, gyro_bias, curve, save))
+    session = Session(opened, LiveSettings(reading, profile, method, gyro_bias, curve, save))
     server = _page(session, host=host, port=int(port), token=token) if page else None
     out = None
     if nmea_out is not None:

@@ -56,7 +56,7 @@ DEFAULT = DisturbedSettings()
 
 
 @dataclass(frozen=True)
-class Batch:
+class DisturbedBatch:
     """Simulated recordings of one length with what disturbed them."""
 
     rate: Tensor  # (n, samples, 3) in units of noise, less the median
@@ -67,7 +67,7 @@ class Batch:
     present: Tensor  # (n, 2) 1 where there is that tone
 
 
-def draw_batch(settings: DisturbedSettings, size: int, *, samples: int, rng: np.random.Generator) -> Batch:
+def draw_batch(settings: DisturbedSettings, size: int, *, samples: int, rng: np.random.Generator) -> DisturbedBatch:
     """Recordings of the reference mix with white noise and no heading: constants are taken away."""
     edges = np.arange(samples + 1) / settings.rate_hz
     draw = Draw(size, edges, rng)
@@ -86,7 +86,7 @@ def draw_batch(settings: DisturbedSettings, size: int, *, samples: int, rng: np.
     index, cycles = network_axes(samples, settings.rate_hz)
     spacing = cycles[1] - cycles[0]
     cell = np.clip(np.round((frequency / settings.rate_hz - cycles[0]) / spacing), 0, len(cycles) - 1)
-    return Batch(
+    return DisturbedBatch(
         torch.as_tensor(rate - np.median(rate, axis=1, keepdims=True), dtype=torch.float32),
         torch.as_tensor(index),
         torch.as_tensor(cycles),
@@ -96,7 +96,7 @@ def draw_batch(settings: DisturbedSettings, size: int, *, samples: int, rng: np.
     )
 
 
-def loss_of(network: Proposal, batch: Batch) -> Tensor:
+def loss_of(network: Proposal, batch: DisturbedBatch) -> Tensor:
     """Cross entropy of the bumps plus that of each tone's cell, nats a recording and sample or tone."""
     bump, tone = network(batch.rate, batch.index, batch.cycles)
     struck = functional.binary_cross_entropy_with_logits(bump, batch.bump)

@@ -51,6 +51,7 @@ class BiLSTM(nn.Module):
         self.single_step = single_step
 
     def forward(self, x: Tensor) -> Tensor:
+        """Output of the network."""
         if not self.single_step:
             return self.lstm(x)[0]
         # Input, output and cell gates of both directions: one product, one sigmoid, one tanh.

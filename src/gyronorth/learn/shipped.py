@@ -15,7 +15,7 @@ from gyronorth.alignment.networks.bundle import Bundle
 from gyronorth.learn.data import HeadingSet, TrainingData, split_recordings
 from gyronorth.learn.run import run_training
 from gyronorth.learn.settings import Settings, baseline, paper
-from gyronorth.twin import LATITUDE, SESSION, published_twin
+from gyronorth.published import LATITUDE, SESSION, published_twin
 
 SEED = 20240501
 SOURCE = (

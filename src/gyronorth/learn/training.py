@@ -123,7 +123,7 @@ def _epoch(task: Task, optimiser: torch.optim.Optimizer, rate: float, generator:
 def decay(start: float, end: float | None, epochs: int) -> Callable[[int], float]:
     """Learning rate start gamma^t with gamma = (end / start)^(1 / epochs) (eq:23, eq:24); constant if `end` is None."""
     if end is None:
-        return lambda epoch: start
+        return lambda _epoch: start
     return lambda epoch: start * (end / start) ** (epoch / epochs)
 
 

@@ -56,6 +56,7 @@ class Access:
         self._cookie = secrets.token_urlsafe(32)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Pass a request on, or answer that it may not pass."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return

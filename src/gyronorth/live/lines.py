@@ -55,7 +55,7 @@ class Form:
 
 
 @dataclass(frozen=True)
-class Rows:
+class LiveRows:
     """Rows of numbers and the lines they were, in step."""
 
     values: NDArray[np.float64]  # (n, k), columns as in `Form.columns`
@@ -64,22 +64,22 @@ class Rows:
     def __len__(self) -> int:
         return len(self.lines)
 
-    def take(self, keep: NDArray[np.bool_] | Sequence[int]) -> Rows:
+    def take(self, keep: NDArray[np.bool_] | Sequence[int]) -> LiveRows:
         """Those that a mask keeps, or at the given places."""
         keep = np.asarray(keep)
         places = np.flatnonzero(keep) if keep.dtype == bool else keep.astype(np.int64)
-        return Rows(self.values[places], [self.lines[i] for i in places.tolist()])
+        return LiveRows(self.values[places], [self.lines[i] for i in places.tolist()])
 
-    def __add__(self, other: Rows) -> Rows:
-        return Rows(np.concatenate([self.values, other.values]), [*self.lines, *other.lines])
+    def __add__(self, other: LiveRows) -> LiveRows:
+        return LiveRows(np.concatenate([self.values, other.values]), [*self.lines, *other.lines])
 
 
 @dataclass(frozen=True)
-class Batch:
+class LineBatch:
     """Rows of one form."""
 
     form: Form
-    rows: Rows
+    rows: LiveRows
 
 
 class LineReader:
@@ -100,7 +100,7 @@ class LineReader:
         self._unmapped: list[str] = []  # names that came before any row and are no header that is understood
         self._begun = False  # bytes have come
 
-    def push(self, data: bytes) -> list[Batch]:
+    def push(self, data: bytes) -> list[LineBatch]:
         """The rows that `data` completes."""
         data = self._rest + data
         if not self._begun and len(data) >= len(BOM):
@@ -114,7 +114,7 @@ class LineReader:
             data = data.replace(b"\r\n", b"\n")
         return self._batches(data) if data else []
 
-    def end(self) -> list[Batch]:
+    def end(self) -> list[LineBatch]:
         """The last line, which may have no end."""
         rest, self._rest = self._rest, b""
         batches = self._batches(rest + b"\n") if rest.strip() else []
@@ -128,8 +128,8 @@ class LineReader:
             self._row += 1
         self._rest = b""
 
-    def _batches(self, data: bytes) -> list[Batch]:
-        batches: list[Batch] = []
+    def _batches(self, data: bytes) -> list[LineBatch]:
+        batches: list[LineBatch] = []
         if self.form is not None and self._regular(data, self.form):
             self._heard.clear()
             self._row += data.count(b"\n")
@@ -165,7 +165,7 @@ class LineReader:
         commas = np.cumsum(symbols == ord(","))[ends]
         return bool((np.diff(commas, prepend=0) == len(form.titles) - 1).all())
 
-    def _parsed(self, lines: list[bytes], form: Form) -> list[Batch]:
+    def _parsed(self, lines: list[bytes], form: Form) -> list[LineBatch]:
         """The rows of lines of numeric characters."""
         block = parse_block(b"\n".join(lines) + b"\n", 0, form.layout)
         finite = np.isfinite(block.values).all(axis=1)
@@ -176,7 +176,7 @@ class LineReader:
             self._bad(line)
         if not good.any():
             return []
-        return [Batch(form, Rows(block.values[finite], lines if good.all() else list(compress(lines, good))))]
+        return [LineBatch(form, LiveRows(block.values[finite], lines if good.all() else list(compress(lines, good))))]
 
     def _word(self, line: bytes) -> None:
         """A line that is no row of numbers: a comment, a header, or garbage."""

@@ -17,7 +17,7 @@ from tempfile import TemporaryFile
 import numpy as np
 
 from gyronorth.errors import InputError
-from gyronorth.live.lines import Rows
+from gyronorth.live.lines import LiveRows
 from gyronorth.live.stretch import Stretch
 from gyronorth.readers.facts import SIGNATURE
 from gyronorth.readers.formats.csv import LIVE_FORMAT, MARK
@@ -55,7 +55,7 @@ class Recorder:
         self._write(head)
         self.sync(now=True)
 
-    def rows(self, rows: Rows) -> None:
+    def rows(self, rows: LiveRows) -> None:
         """Append good rows."""
         if len(rows):
             self._write(b"\n".join(rows.lines) + b"\n")

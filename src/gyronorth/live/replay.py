@@ -57,6 +57,7 @@ class Replay:
             raise InputError(f"{path.name} has no time column and does not state its rate. Declare it: --rate HZ.")
 
     def run(self, emit: Emit, stop: Event) -> None:
+        """Hand over the lines of the file at their times, until `stop` is set or it ends."""
         emit(Connected())
         begun = time.monotonic()
         played = 0.0  # s of the file's time

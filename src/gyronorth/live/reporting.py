@@ -8,13 +8,13 @@ from pathlib import Path
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.estimate import Convergence
 from gyronorth.files import write_text
-from gyronorth.live.session import Settings
+from gyronorth.live.session import LiveSettings
 from gyronorth.live.status import Status
 from gyronorth.report.html import heading_page
 from gyronorth.report.tables import Outcome
 
 
-def report_text(status: Status, settings: Settings) -> str | None:
+def report_text(status: Status, settings: LiveSettings) -> str | None:
     """The report as one self-contained page; None before the first estimate."""
     estimate, found = status.estimate, status.found
     if estimate is None or found is None:
@@ -30,7 +30,7 @@ def report_path(recording: Path) -> Path:
     return recording.with_suffix(".html")
 
 
-def write_report(status: Status, settings: Settings) -> Path | None:
+def write_report(status: Status, settings: LiveSettings) -> Path | None:
     """Write the report beside the recording; None where there is no estimate or no recording."""
     text = report_text(status, settings)
     if text is None or status.recording is None:
@@ -40,7 +40,7 @@ def write_report(status: Status, settings: Settings) -> Path | None:
     return path
 
 
-def _inputs(status: Status, settings: Settings) -> list[tuple[str, str]]:
+def _inputs(status: Status, settings: LiveSettings) -> list[tuple[str, str]]:
     """What was declared, what was counted and what was marked."""
     reading, counters = settings.reading, status.counters
     inputs = [("source", status.source), ("method asked for", settings.method)]

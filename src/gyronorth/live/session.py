@@ -14,7 +14,7 @@ from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.live.estimation import Estimation, LiveEstimate
 from gyronorth.live.events import Bytes, ByteSource, Connected, Ended, Lost, SourceEvent
-from gyronorth.live.lines import Batch, Form, LineReader, Rows
+from gyronorth.live.lines import Form, LineBatch, LineReader, LiveRows
 from gyronorth.live.recorder import Recorder, utc_now
 from gyronorth.live.status import Counters, Mark, Status
 from gyronorth.live.stretch import Stretch
@@ -38,7 +38,7 @@ MOST_MARKS = 50
 
 
 @dataclass(frozen=True)
-class Settings:
+class LiveSettings:
     """What is asked of a session; SI units and radians."""
 
     reading: ReadOptions
@@ -61,7 +61,7 @@ class Command:
 class Session:
     """Runs a source in threads; `status` is always the latest picture."""
 
-    def __init__(self, source: ByteSource, settings: Settings) -> None:
+    def __init__(self, source: ByteSource, settings: LiveSettings) -> None:
         self.status = Status("waiting", source.name, saving=settings.save is not None)
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
         self.error: Exception | None = None  # why the session failed
@@ -193,14 +193,14 @@ class Session:
         self._batches(self._read(data))
         self._last_data = time.monotonic()
 
-    def _read(self, data: bytes) -> list[Batch]:
+    def _read(self, data: bytes) -> list[LineBatch]:
         try:
             return self._reader.push(data)
         except InputError as error:
             self._fail(error)
             return []
 
-    def _batches(self, batches: list[Batch]) -> None:
+    def _batches(self, batches: list[LineBatch]) -> None:
         for batch in batches:
             if self._state in ("stopped", "failed", "ended"):
                 return
@@ -209,7 +209,7 @@ class Session:
             except InputError as error:
                 self._fail(error)
 
-    def _rows(self, batch: Batch) -> None:
+    def _rows(self, batch: LineBatch) -> None:
         """Good rows to their stretch, a new one where they do not go on from the last."""
         stretch = self._stretch
         if stretch is None or stretch.form != batch.form:
@@ -230,20 +230,20 @@ class Session:
             self._good += len(piece)
             self._push(piece)
 
-    def _push(self, rows: Rows) -> None:
+    def _push(self, rows: LiveRows) -> None:
         """Rows to the grid and to the disk; what cannot be bridged begins a new stretch."""
         stretch = self._stretch
         assert stretch is not None
         samples = self._samples(stretch, rows) if self._usable else None
         if samples is None and self._usable:
-            stretch = self._begin(Batch(stretch.form, rows), self._message, timeline=self._timeline)
+            stretch = self._begin(LineBatch(stretch.form, rows), self._message, timeline=self._timeline)
             samples = self._samples(stretch, rows)
         if self._recorder is not None:
             self._recorder.rows(rows)
         if samples is not None:
             self._estimate(stretch, *samples)
 
-    def _samples(self, stretch: Stretch, rows: Rows) -> tuple[Array, Array | None] | None:
+    def _samples(self, stretch: Stretch, rows: LiveRows) -> tuple[Array, Array | None] | None:
         """Samples of rows; None where they do not go on from those before, or are of no use from the first on."""
         try:
             return stretch.push(rows)
@@ -278,7 +278,7 @@ class Session:
         bias = self.settings.gyro_bias
         self._estimation.put(gyro_b if bias is None else gyro_b - bias, accel_b)
 
-    def _begin(self, batch: Batch, why: str, *, timeline: Timeline | None = None) -> Stretch:
+    def _begin(self, batch: LineBatch, why: str, *, timeline: Timeline | None = None) -> Stretch:
         """A new stretch, with a recording of its own."""
         stretch = self._new_stretch(batch.form)
         if self._stretch is not None:

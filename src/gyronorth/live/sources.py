@@ -79,6 +79,7 @@ class StandardInput:
     name, live = "standard input", True
 
     def run(self, emit: Emit, stop: Event) -> None:
+        """Hand over everything that comes, until `stop` is set or nothing more can come."""
         emit(Connected())
         while not stop.is_set():
             data = sys.stdin.buffer.raw.read(CHUNK)  # type: ignore[attr-defined]
@@ -97,6 +98,7 @@ class TcpClient:
         self.name, self._address = name, (host, port)
 
     def run(self, emit: Emit, stop: Event) -> None:
+        """Hand over everything that comes, until `stop` is set or nothing more can come."""
         _again_and_again(self._session, emit, stop)
 
     def _session(self, emit: Emit, stop: Event) -> None:
@@ -123,6 +125,7 @@ class UdpListener:
             raise InputError(f"SOURCE {name}: cannot listen there: {error.strerror or error}.") from None
 
     def run(self, emit: Emit, stop: Event) -> None:
+        """Hand over everything that comes, until `stop` is set or nothing more can come."""
         self._socket.settimeout(SENDER_SILENCE)
         sender = None
         emit(Connected())
@@ -158,6 +161,7 @@ class SerialPort:
         self.name, self._device, self._baud, self._serial = name, device, baud, serial
 
     def run(self, emit: Emit, stop: Event) -> None:
+        """Hand over everything that comes, until `stop` is set or nothing more can come."""
         _again_and_again(self._session, emit, stop)
 
     def _session(self, emit: Emit, stop: Event) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
-from gyronorth.live.lines import Form, Rows
+from gyronorth.live.lines import Form, LiveRows
 from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import resolve
 from gyronorth.readers.grid import LARGEST_FORCE, LARGEST_RATE, MOST_MISSING, GridBuilder
@@ -94,7 +94,7 @@ class Stretch:
             found.append(Finding("gaps", message, share, MOST_MISSING))
         return tuple(found)
 
-    def usable(self, rows: Rows) -> NDArray[np.bool_]:
+    def usable(self, rows: LiveRows) -> NDArray[np.bool_]:
         """Which rows are plausible: within any sensor's range, and not all forces zero."""
         data = rows.values[:, self.form.time :] * self.declared.scale
         limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
@@ -103,7 +103,7 @@ class Stretch:
             usable &= (data[:, 3:] != 0).any(axis=1)
         return usable
 
-    def push(self, rows: Rows) -> tuple[Array, Array | None]:
+    def push(self, rows: LiveRows) -> tuple[Array, Array | None]:
         """Gyro and accelerometer samples, (n, 3), SI in body axes, that the rows add."""
         values = rows.values
         if self._looking is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.live.lines import Rows
+from gyronorth.live.lines import LiveRows
 from gyronorth.readers.grid import LONGEST_GAP
 
 #: Rows from which the usual step is taken where no rate is declared.
@@ -27,9 +27,9 @@ class Timeline:
         self.jumps = 0
         self._interval = None if rate_hz is None else 1 / rate_hz
         self._last: float | None = None
-        self._held: Rows | None = None
+        self._held: LiveRows | None = None
 
-    def push(self, rows: Rows) -> list[Rows]:
+    def push(self, rows: LiveRows) -> list[LiveRows]:
         """Rows that go on where the last ones ended, then one entry for each stretch behind a jump."""
         if self._held is not None:
             rows, self._held = self._held + rows, None
@@ -56,7 +56,7 @@ class Timeline:
             self._held = rows.take(held)
         return [rows.take(places) for places in stretches]
 
-    def end(self) -> Rows | None:
+    def end(self) -> LiveRows | None:
         """The rows still held, if they lie ahead of the others."""
         rows, self._held = self._held, None
         if rows is None:

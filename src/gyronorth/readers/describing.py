@@ -1,4 +1,4 @@
-"""What a file holds, for a look before any heading: read whole when it is short, at some places when it is long."""
+"""What a file holds, for a probe before any heading: read whole when it is short, at some places when it is long."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.probe import Look, look
+from gyronorth.readers.probe import Probe, probe
 from gyronorth.readers.reading import CHUNK_SAMPLES, Progress, RecordingInfo, read_chunks
 from gyronorth.recording import Gap, Note
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ProbeEstimate:
     """What a description is based on that did not read all of a file."""
 
     places: int  # blocks of samples read, evenly spread
@@ -41,7 +41,7 @@ class Description:
     rows_dropped: int
     gaps: tuple[Gap, ...]  # with `estimate`: those that the file states and those at the places that were read
     notes: tuple[Note, ...]
-    estimate: Estimate | None = None  # None: all of the file was read
+    estimate: ProbeEstimate | None = None  # None: all of the file was read
 
     @property
     def rate_norm(self) -> float:
@@ -83,7 +83,7 @@ def describe(
     all of it is read, chunk by chunk, as a short one is, and told from.
     """
     try:
-        found = look(path, options, **declared)
+        found = probe(path, options, **declared)
     except InputError:  # a bad row, a gap: the whole file gives the row and the count
         found = None
     if found is not None:
@@ -112,7 +112,7 @@ def describe(
     )
 
 
-def _estimated(seen: Look) -> Description:
+def _estimated(seen: Probe) -> Description:
     """The description of a file that was read at some places."""
     weight = seen.samples / seen.samples.sum()
     rate = (weight @ seen.rate_mean).tolist()
@@ -134,7 +134,7 @@ def _estimated(seen: Look) -> Description:
         rows_dropped=seen.rows_dropped,
         gaps=seen.gaps,
         notes=seen.notes,
-        estimate=Estimate(
+        estimate=ProbeEstimate(
             places=len(weight),
             samples=int(seen.samples.sum()),
             samples_known=seen.rows_known,
@@ -145,7 +145,7 @@ def _estimated(seen: Look) -> Description:
     )
 
 
-def _estimate_json(estimate: Estimate) -> dict[str, Any]:
+def _estimate_json(estimate: ProbeEstimate) -> dict[str, Any]:
     document = asdict(estimate)
     sigma = document.pop("rate_mean_sigma")
     return document | {"rate_mean_sigma_deg_h": [value / DEG_PER_HOUR for value in sigma]}

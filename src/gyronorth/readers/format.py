@@ -21,7 +21,7 @@ class Format:
 
     info: FormatInfo
     open: Callable[[Path, ReadOptions], Source]
-    recognises: Callable[[bytes], bool] = lambda head: False  # by the first `LOOK` bytes of a file
+    recognises: Callable[[bytes], bool] = lambda _head: False  # by the first `LOOK` bytes of a file
     write: Callable[[RecordingStream, Path], None] | None = None
 
 

@@ -23,7 +23,7 @@ WHOLE = 4
 
 
 @dataclass(frozen=True)
-class Look:
+class Probe:
     """What was seen of a file: k places, body axes and SI."""
 
     info: RecordingInfo
@@ -39,7 +39,7 @@ class Look:
     notes: tuple[Note, ...]
 
 
-def look(path: str | Path, options: ReadOptions | None = None, **declared: Any) -> Look | None:
+def probe(path: str | Path, options: ReadOptions | None = None, **declared: Any) -> Probe | None:
     """Look into a long file; None for a short one, for a window, and for a format that can only be read as a whole.
 
     Raises
@@ -79,7 +79,7 @@ def look(path: str | Path, options: ReadOptions | None = None, **declared: Any) 
         accel += [] if force is None else [force]
     reading.regulariser.jitter = jitter
     gaps = tuple(sorted(gaps, key=lambda gap: gap.start))
-    return Look(
+    return Probe(
         info=reading.info(notes),
         samples=np.array([len(samples) for samples in gyro]),
         rate_mean=np.array([samples.mean(axis=0) for samples in gyro]),

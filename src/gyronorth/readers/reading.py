@@ -139,6 +139,7 @@ class Reading:
 
     @property
     def rate_hz(self) -> float:
+        """Sample rate, Hz, once the first rows have been read."""
         if self.regulariser.rate_hz is None:
             raise InputError(f"{self.source.name} holds no rows of data.")
         return self.regulariser.rate_hz

@@ -32,7 +32,7 @@ MILLI_G = 1e-3 * STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)
-class Unit:
+class TermUnit:
     """How a term is called and written for one kind of triad."""
 
     key: str  # in profiles and in the JSON of `allan`
@@ -48,8 +48,8 @@ class Term:
     field: str  # of TriadErrors
     name: str  # of `allan.Identification`
     part: Part
-    gyro: Unit
-    accel: Unit
+    gyro: TermUnit
+    accel: TermUnit
     #: (errors, first s, last s, 1 / rate s) -> (n, n): covariance of means over the ranges
     covariance: Callable[[TriadErrors, Array, Array, float], Array]
     #: (errors, duration s, weighting) -> variance of a weighted mean
@@ -185,8 +185,8 @@ TERMS: tuple[Term, ...] = (
         "quantisation",
         "quantisation",
         "noise",
-        Unit("quantisation_arcsec", "quantisation", "arcsec", np.pi / 180 / 3600),
-        Unit("quantisation_m_s", "quantisation", "m/s", 1.0),
+        TermUnit("quantisation_arcsec", "quantisation", "arcsec", np.pi / 180 / 3600),
+        TermUnit("quantisation_m_s", "quantisation", "m/s", 1.0),
         _quantised_covariance,
         _quantised_mean,
         lambda errors, tau: errors.quantisation**2 * 0.25 / tau**2,
@@ -196,8 +196,8 @@ TERMS: tuple[Term, ...] = (
         "white",
         "angle_random_walk",
         "noise",
-        Unit("angle_random_walk_deg_sqrt_h", "angle random walk", "deg/sqrt(h)", DEG_PER_SQRT_HOUR),
-        Unit("velocity_random_walk_m_s_sqrt_h", "velocity random walk", "m/s/sqrt(h)", 1 / 60),
+        TermUnit("angle_random_walk_deg_sqrt_h", "angle random walk", "deg/sqrt(h)", DEG_PER_SQRT_HOUR),
+        TermUnit("velocity_random_walk_m_s_sqrt_h", "velocity random walk", "m/s/sqrt(h)", 1 / 60),
         _white_covariance,
         _white_mean,
         lambda errors, tau: errors.white**2 / tau,
@@ -207,8 +207,8 @@ TERMS: tuple[Term, ...] = (
         "flicker",
         "bias_instability",
         "drift",
-        Unit("bias_instability_deg_h", "bias instability B", "deg/h", DEG_PER_HOUR),
-        Unit("bias_instability_mg", "bias instability B", "mg", MILLI_G),
+        TermUnit("bias_instability_deg_h", "bias instability B", "deg/h", DEG_PER_HOUR),
+        TermUnit("bias_instability_mg", "bias instability B", "mg", MILLI_G),
         _flicker_covariance,
         _flicker_mean,
         _flicker_allan,
@@ -218,8 +218,8 @@ TERMS: tuple[Term, ...] = (
         "random_walk",
         "rate_random_walk",
         "drift",
-        Unit("rate_random_walk_deg_h_sqrt_h", "rate random walk", "deg/h/sqrt(h)", DEG_PER_HOUR / 60),
-        Unit("acceleration_random_walk_mg_sqrt_h", "acceleration random walk", "mg/sqrt(h)", MILLI_G / 60),
+        TermUnit("rate_random_walk_deg_h_sqrt_h", "rate random walk", "deg/h/sqrt(h)", DEG_PER_HOUR / 60),
+        TermUnit("acceleration_random_walk_mg_sqrt_h", "acceleration random walk", "mg/sqrt(h)", MILLI_G / 60),
         _walk_covariance,
         _walk_mean,
         lambda errors, tau: errors.random_walk**2 * tau / 3,

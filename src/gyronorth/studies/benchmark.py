@@ -15,11 +15,11 @@ from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
 from gyronorth.studies.published_transfer import TRANSFER
 from gyronorth.studies.stress import STRESS
-from gyronorth.studies.study import Plan, Study, write_study
+from gyronorth.studies.study import Study, StudyPlan, write_study
 from gyronorth.studies.turned import TURNED
 from gyronorth.studies.work import executor_on, run_units
 
-DEFAULT = Plan()
+DEFAULT = StudyPlan()
 STUDIES: tuple[Study, ...] = (
     NOISE,
     LOO,
@@ -64,10 +64,10 @@ def run_benchmark(
     out: str | Path,
     *,
     only: tuple[str, ...] = (),
-    plan: Plan = DEFAULT,
+    plan: StudyPlan = DEFAULT,
     scheduler: str | None = None,
     workers: int | None = None,
-    progress: Callable[[str, int, int], None] = lambda study, finished, total: None,
+    progress: Callable[[str, int, int], None] = lambda _study, _finished, _total: None,
 ) -> list[Path]:
     """Run a benchmark into the folder `out`, continuing what is there; give the Markdown files written.
 

@@ -19,9 +19,9 @@ from gyronorth.studies.disturbed_paper import ROWS as ROWS_OF_PAPER
 from gyronorth.studies.disturbed_paper import TRAINED, WINDOW, judge_unit, training_units
 from gyronorth.studies.floors import floor_deg
 from gyronorth.studies.methods import as_rad
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table, degrees
-from gyronorth.studies.work import Result, Unit
+from gyronorth.studies.work import Job, Result
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def _stem(kind: str, duration: float, bias_deg_h: float) -> str:
     return f"disturbed/{kind}-{duration:g}s-{bias_deg_h:g}"
 
 
-def _units(plan: Plan) -> list[Unit]:
+def _units(plan: StudyPlan) -> list[Job]:
     seed, units = SEED + plan.seed, []
     trained = training_units(seed, plan.epochs)
     for kind, duration, bias_deg_h, runs, seen in CASES:
@@ -83,10 +83,10 @@ def _units(plan: Plan) -> list[Unit]:
             for first in range(0, last, step) if methods[0] in fits else ():
                 name = f"{_stem(kind, duration, bias_deg_h)}/{what}-{first:04d}"
                 rows = [first, min(first + step, last)]
-                units.append(Unit(name, judge, {**case, "rows": rows, "methods": methods}))
+                units.append(Job(name, judge, {**case, "rows": rows, "methods": methods}))
         if duration == WINDOW:
             units.append(judge_unit(f"{_stem(kind, duration, bias_deg_h)}/trained", case, trained))
-    return [*units, Unit("disturbed/cost", cost, {"seed": seed})]
+    return [*units, Job("disturbed/cost", cost, {"seed": seed})]
 
 
 def _takes(name: str, duration: float) -> bool:
@@ -140,7 +140,7 @@ def _title(kind: str, duration: float, bias_deg_h: float) -> str:
     return f"{kind}{held}: {duration:g} s, residual bias {bias_deg_h:g} deg/h"
 
 
-def _floor(plan: Plan, table: Table) -> str:
+def _floor(_plan: StudyPlan, table: Table) -> str:
     for kind, duration, bias_deg_h, _, _ in CASES:
         if table.title == _title(kind, duration, bias_deg_h):
             noise = floor_deg(TriadErrors(white=WHITE), duration)
@@ -153,7 +153,7 @@ def _floor(plan: Plan, table: Table) -> str:
     return ""
 
 
-def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rng = np.random.default_rng(plan.seed)
     tables, curve = [], {}
     for kind, duration, bias_deg_h, _, _ in CASES:

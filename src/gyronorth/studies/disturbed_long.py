@@ -13,12 +13,12 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.evaluation import bootstrap_crmse
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.studies.disturbed import ratio_to, share_inside
-from gyronorth.studies.disturbed_methods import WHITE, Found, Part, by_learned, by_mean, judged, part_of
+from gyronorth.studies.disturbed_methods import WHITE, MethodHeadings, Part, by_learned, by_mean, judged, part_of
 from gyronorth.studies.floors import floor_deg
 from gyronorth.studies.methods import as_rad
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table, degrees
-from gyronorth.studies.work import Result, Unit
+from gyronorth.studies.work import Job, Result
 
 KINDS, DURATIONS = ("quiet", "sway", "mixed", "warmup", "soak"), (400.0, 900.0, 3600.0)
 #: Seed of the test recordings, which nothing was chosen on.
@@ -29,13 +29,13 @@ BIAS, RUNS, ROWS = 0.1, 200, 50
 TRAINED = 300.0
 
 
-def by_last_part(part: Part) -> Found:
+def by_last_part(part: Part) -> MethodHeadings:
     """`learned` on the last 300 s alone."""
     count = round(TRAINED * part.made.rate_hz)
     return by_learned(replace(part, made=replace(part.made, gyro_b=part.made.gyro_b[:, -count:])))
 
 
-def by_auto(part: Part) -> Found:
+def by_auto(part: Part) -> MethodHeadings:
     """What `gyronorth heading` takes by itself."""
     sensor = Sensor("simulated", part.errors)
     each = [Problem(gyro_b, None, part.made.rate_hz, part.made.latitude, sensor) for gyro_b in part.gyro]
@@ -46,10 +46,10 @@ def by_auto(part: Part) -> Found:
             *((one.attitude.heading, one.posterior.low, one.posterior.high) for one in found), strict=True
         )
     )
-    return Found(heading, low, high)
+    return MethodHeadings(heading, low, high)
 
 
-METHODS: dict[str, Callable[[Part], Found]] = {
+METHODS: dict[str, Callable[[Part], MethodHeadings]] = {
     "mean": by_mean,
     "learned, last 300 s": by_last_part,
     "learned": by_learned,
@@ -67,14 +67,14 @@ def _stem(kind: str, duration: float) -> str:
     return f"long/{kind}-{duration:g}s"
 
 
-def _units(plan: Plan) -> list[Unit]:
+def _units(plan: StudyPlan) -> list[Job]:
     units = []
     for kind in KINDS:
         for duration in DURATIONS:
             known = {"kind": kind, "duration": duration, "bias_deg_h": BIAS, "runs": RUNS, "seed": SEED + plan.seed}
             for first in range(0, RUNS, ROWS):
                 rows = [first, min(first + ROWS, RUNS)]
-                units.append(Unit(f"{_stem(kind, duration)}/{first:04d}", judge_long, {**known, "rows": rows}))
+                units.append(Job(f"{_stem(kind, duration)}/{first:04d}", judge_long, {**known, "rows": rows}))
     return units
 
 
@@ -95,13 +95,13 @@ def _table(kind: str, results: Mapping[str, Result], rng: np.random.Generator) -
     return Table(_title(kind), COLUMNS, tuple(rows))
 
 
-def _floor(plan: Plan, table: Table) -> str:
+def _floor(_plan: StudyPlan, _table: Table) -> str:
     errors = TriadErrors(white=WHITE, turn_on_bias=BIAS * DEG_PER_HOUR)
     values = ", ".join(f"{floor_deg(errors, duration):.3f} deg at {duration:g} s" for duration in DURATIONS)
     return f"Floor (Cramér-Rao) of undisturbed recordings, white noise and residual bias: {values}."
 
 
-def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rng = np.random.default_rng(plan.seed)
     return Report(TEXT, tuple(_table(kind, results, rng) for kind in KINDS))
 

@@ -70,7 +70,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Found:
+class MethodHeadings:
     """Headings, rad, and the ends of their 95 % intervals, rad from them, where the method states any."""
 
     heading: Array
@@ -78,7 +78,7 @@ class Found:
     high: Array | None = None
 
 
-def judged(part: Part, methods: Mapping[str, Callable[[Part], Found]]) -> dict[str, dict]:
+def judged(part: Part, methods: Mapping[str, Callable[[Part], MethodHeadings]]) -> dict[str, dict]:
     """Errors, deg, of some methods, and whether their intervals hold, by name."""
     errors, inside = {}, {}
     for name, method in methods.items():
@@ -97,20 +97,20 @@ def part_of(*, kind: str, duration: float, bias_deg_h: float, runs: int, rows: t
     return Part(made, slice(*rows), kind, bias, seed)
 
 
-def by_mean(part: Part) -> Found:
+def by_mean(part: Part) -> MethodHeadings:
     """Plain averaging; its interval allows for noise and residual bias, not for disturbance."""
     rate = part.gyro.mean(axis=1)
     variance = part.white**2 * part.made.rate_hz / part.gyro.shape[1] + part.bias**2
     _, half = von_mises(np.hypot(rate[:, 0], rate[:, 1]) * EARTH_RATE * np.cos(part.made.latitude) / variance)
-    return Found(_heading(rate), -half, half)
+    return MethodHeadings(_heading(rate), -half, half)
 
 
-def by_median(part: Part) -> Found:
+def by_median(part: Part) -> MethodHeadings:
     """Median of each axis."""
-    return Found(_heading(np.median(part.gyro, axis=1)))
+    return MethodHeadings(_heading(np.median(part.gyro, axis=1)))
 
 
-def by_huber(part: Part) -> Found:
+def by_huber(part: Part) -> MethodHeadings:
     """Huber's M-estimate of location of each axis, scale by the median absolute deviation."""
     x = part.gyro
     at = np.median(x, axis=1, keepdims=True)
@@ -118,10 +118,10 @@ def by_huber(part: Part) -> Found:
     for _ in range(HUBER_ROUNDS):
         weight = np.minimum(1.0, HUBER * scale / np.maximum(np.abs(x - at), 1e-300))
         at = np.sum(weight * x, axis=1, keepdims=True) / np.sum(weight, axis=1, keepdims=True)
-    return Found(_heading(at[:, 0]))
+    return MethodHeadings(_heading(at[:, 0]))
 
 
-def by_harmonics(part: Part) -> Found:
+def by_harmonics(part: Part) -> MethodHeadings:
     """Least squares: a constant, then the tone or exponential that explains most, as long as the BIC falls.
 
     Outliers are left out first; there are no priors, and no average over models.
@@ -132,7 +132,7 @@ def by_harmonics(part: Part) -> Found:
     tones = np.stack([np.cos(phase), np.sin(phase)], axis=2)  # (n, f, 2)
     decays = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2))[:, :, None]
     rate = [_harmonic_constant(x, [decays, tones]) for x in part.gyro]
-    return Found(_heading(np.array(rate)))
+    return MethodHeadings(_heading(np.array(rate)))
 
 
 def _harmonic_constant(x: Array, candidates: list[Array]) -> Array:
@@ -177,47 +177,47 @@ def _explained(design: Array, candidates: Array, x: Array) -> Array:
     return np.sum(cross * np.linalg.solve(gram, cross), axis=(1, 2))
 
 
-def by_bayes(part: Part) -> Found:
+def by_bayes(part: Part) -> MethodHeadings:
     """Averaging over all models of a fine grid."""
     known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
     fits = [bayes(x, **known) for x in part.gyro]
     heading = np.array([fit.heading for fit in fits])
     whole = np.array([fit.interval95 == (0.0, 2 * np.pi) for fit in fits])
     low, high = (wrap(np.array([fit.interval95[side] for fit in fits]) - heading) for side in (0, 1))
-    return Found(heading, np.where(whole, -np.pi, low), np.where(whole, np.pi, high))
+    return MethodHeadings(heading, np.where(whole, -np.pi, low), np.where(whole, np.pi, high))
 
 
-def by_inertial(part: Part) -> Found:
+def by_inertial(part: Part) -> MethodHeadings:
     """Gravity traced in an inertial frame, with an accelerometer that no other method here has."""
-    return Found(
+    return MethodHeadings(
         align_inertial(part.gyro, part.accel(), rate_hz=part.made.rate_hz, latitude=part.made.latitude).heading
     )
 
 
-def by_paper(part: Part) -> Found:
+def by_paper(part: Part) -> MethodHeadings:
     """The paper's pipeline as it ships: trained on recordings that stand still."""
     from gyronorth.alignment.networks.runtime import run
 
-    return Found(run(_bundle("paper"), part.gyro))
+    return MethodHeadings(run(_bundle("paper"), part.gyro))
 
 
-def by_learned(part: Part) -> Found:
+def by_learned(part: Part) -> MethodHeadings:
     """The `learned` bundle."""
     from gyronorth.alignment.networks.runtime import solve
 
     known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
     found = solve(_bundle("learned"), part.gyro, **known)
-    return Found(found.heading, found.low, found.high)
+    return MethodHeadings(found.heading, found.low, found.high)
 
 
-def by_periodogram(part: Part) -> Found:
+def by_periodogram(part: Part) -> MethodHeadings:
     """`learned` with a periodogram in place of its network: what the network is worth."""
     from gyronorth.alignment.tones.proposals import amortised
 
     known = {"rate_hz": part.made.rate_hz, "latitude": part.made.latitude, "errors": part.errors}
     fits = [amortised(x, periodogram, **known) for x in part.gyro]
     heading, low, high = (np.array([getattr(fit, name) for fit in fits]) for name in ("heading", "low", "high"))
-    return Found(heading, low, high)
+    return MethodHeadings(heading, low, high)
 
 
 def periodogram(rate: NDArray[np.float32], index: NDArray[np.float32], cycles: NDArray[np.float32]) -> tuple:
@@ -246,7 +246,7 @@ def _heading(rate: Array) -> Array:
 
 
 #: Row of the table -> how its headings are found.
-METHODS: dict[str, Callable[[Part], Found]] = {
+METHODS: dict[str, Callable[[Part], MethodHeadings]] = {
     "mean": by_mean,
     "median": by_median,
     "Huber": by_huber,

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from gyronorth.angles import angle_error
+from gyronorth.published import model_based
 from gyronorth.studies.methods import rounded
 from gyronorth.studies.networks import pack, rebuilt, unpack
-from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import model_based
+from gyronorth.studies.work import Job, Result
 
 #: Recordings that train and that choose the epoch.
 TRAINED, VALIDATED = 16000, 2000
@@ -63,27 +63,27 @@ def settings_of(row: Row, seed: int, epochs: int | None) -> dict:
     return settings
 
 
-def training_units(seed: int, epochs: int | None) -> dict[str, tuple[Unit, ...]]:
+def training_units(seed: int, epochs: int | None) -> dict[str, tuple[Job, ...]]:
     """Units that train each row: its denoiser, its heading network."""
     units, drawn = {}, {"recordings": [TRAINED, VALIDATED]}
     for name, row in ROWS.items():
-        needs: tuple[Unit, ...] = ()
+        needs: tuple[Job, ...] = ()
         if row.denoiser is not None:
             arguments = {"kind": row.denoiser, "settings": settings_of(Row(row.denoiser, None), seed, epochs), **drawn}
-            needs = (Unit(f"disturbed_paper/denoiser-{row.denoiser}", train_denoiser_unit, arguments),)
+            needs = (Job(f"disturbed_paper/denoiser-{row.denoiser}", train_denoiser_unit, arguments),)
         if row.output is not None:
             arguments = {"kind": row.denoiser, "settings": settings_of(row, seed, epochs), **drawn}
             network = f"disturbed_paper/heading-{row.denoiser}-{row.output}"
-            needs = (*needs, Unit(network, train_heading_unit, arguments, needs))
+            needs = (*needs, Job(network, train_heading_unit, arguments, needs))
         units[name] = needs
     return units
 
 
-def judge_unit(name: str, case: dict, trained: dict[str, tuple[Unit, ...]]) -> Unit:
+def judge_unit(name: str, case: dict, trained: dict[str, tuple[Job, ...]]) -> Job:
     """Errors of all rows on the recordings of a case."""
     needs = tuple(unit for units in trained.values() for unit in units)
     counts = {row: len(units) for row, units in trained.items()}
-    return Unit(name, judge_trained, {**case, "counts": counts}, needs)
+    return Job(name, judge_trained, {**case, "counts": counts}, needs)
 
 
 def train_denoiser_unit(*, kind: Any, settings: dict, recordings: list[int]) -> Result:
@@ -106,7 +106,7 @@ def train_denoiser_unit(*, kind: Any, settings: dict, recordings: list[int]) -> 
     }
 
 
-def train_heading_unit(*needs: Result, kind: Any, settings: dict, recordings: list[int]) -> Result:
+def train_heading_unit(*needs: Result, kind: Any, settings: dict, recordings: list[int]) -> Result:  # noqa: ARG001 - part of the job's name
     """Weights of a heading network behind a denoiser, or none."""
     from gyronorth.learn.data import TrainingData
     from gyronorth.learn.disturbed_paper import TRAIN, VALIDATION, draw_recordings

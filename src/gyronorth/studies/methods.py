@@ -11,9 +11,9 @@ from gyronorth.angles import DEG_PER_HOUR, angle_error
 from gyronorth.deviation import PRIORS, fit_classical, fit_deviation, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import Split
+from gyronorth.published import LATITUDE, Twin, model_based
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.studies.source import recordings_of
-from gyronorth.twin import LATITUDE, Twin, model_based
 from gyronorth.uncertainty import cramer_rao_floor
 
 Array = NDArray[np.float64]

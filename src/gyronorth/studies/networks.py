@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.evaluation import Split, random_splits
+from gyronorth.published import LATITUDE, Twin, model_based
 from gyronorth.studies.methods import WINDOW
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import Plan
-from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import LATITUDE, Twin, model_based
+from gyronorth.studies.study import StudyPlan
+from gyronorth.studies.work import Job, Result
 
 if TYPE_CHECKING:
     from gyronorth.learn.data import HeadingSet, TrainingData
@@ -53,13 +53,13 @@ OWN_NETWORK: Variant = {"heading": {"denoised": False, "output": "cos_sin", "aug
 CIRCLE = 180
 
 
-def splits_of(plan: Plan, count: int) -> list[Split]:
+def splits_of(plan: StudyPlan, count: int) -> list[Split]:
     """The first splits of the study of random splits: networks and other methods see the same."""
     rng = np.random.default_rng([plan.seed, 1])
     return random_splits(len(plan.recordings().heading_true), count, rng=rng)
 
 
-def denoiser_unit(variant: Variant, plan: Plan, *, seed: int, split: Split | None = None) -> Unit:
+def denoiser_unit(variant: Variant, plan: StudyPlan, *, seed: int, split: Split | None = None) -> Job:
     """Train the denoiser of a variant; of two variants that differ elsewhere only, the same unit.
 
     Its clean data are the synthetic set, or with `split` its noisy real recordings.
@@ -69,24 +69,24 @@ def denoiser_unit(variant: Variant, plan: Plan, *, seed: int, split: Split | Non
     arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed, "real": None}
     if split is not None:
         arguments |= {"real": split_json(split), **plan.source()}
-    return Unit(f"denoiser/{_digest(arguments)}", train_denoiser_unit, arguments)
+    return Job(f"denoiser/{_digest(arguments)}", train_denoiser_unit, arguments)
 
 
 def heading_unit(
-    variant: Variant, plan: Plan, split: Split, *, seed: int, denoiser: Unit | None = None, duration: float = WINDOW
-) -> Unit:
+    variant: Variant, plan: StudyPlan, split: Split, *, seed: int, denoiser: Job | None = None, duration: float = WINDOW
+) -> Job:
     """Train the heading network of a variant on a split; its denoiser is trained before, once for all seeds."""
     default = {"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}
     settings = merged(default, variant)
     if plan.epochs is not None:
         settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
-    needs: tuple[Unit, ...] = ()
+    needs: tuple[Job, ...] = ()
     if settings["heading"].get("denoised", True):
         of_length = variant if duration == WINDOW else {**variant, "samples": round(3 * duration)}
         needs = (denoiser or denoiser_unit(of_length, plan, seed=plan.seed),)
     arguments = {"settings": settings, "split": split_json(split), **plan.source()}
     named = {"arguments": arguments, "needs": [need.name for need in needs]}
-    return Unit(f"network/{_digest(named)}", train_heading_unit, arguments, needs)
+    return Job(f"network/{_digest(named)}", train_heading_unit, arguments, needs)
 
 
 def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: dict | None = None) -> Result:
@@ -213,7 +213,7 @@ def denoiser_error(trained: TrainedDenoiser, test: HeadingSet, *, seed: int) -> 
     }
 
 
-def _capped(section: dict, plan: Plan) -> dict:
+def _capped(section: dict, plan: StudyPlan) -> dict:
     return section if plan.epochs is None else {**section, "epochs": plan.epochs}
 
 
@@ -249,11 +249,13 @@ def _degrees(angle: NDArray) -> list[float | None]:
 
 
 def pack(arrays: dict[str, NDArray]) -> str:
+    """Arrays as text that stands in JSON."""
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)  # type: ignore[arg-type]
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
 def unpack(text: str) -> dict[str, NDArray]:
+    """The arrays of `pack`."""
     with np.load(io.BytesIO(base64.b64decode(text))) as stored:
         return {name: stored[name] for name in stored.files}

@@ -9,9 +9,9 @@ import numpy as np
 
 from gyronorth.studies.networks import WITHOUT_DENOISER, merged, split_data, split_json, splits_of
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
-from gyronorth.studies.work import Result, Unit
+from gyronorth.studies.work import Job, Result
 
 _LAYOUTS = ("flattened", "temporal")
 #: Recordings that are denoised to know the cost of one.
@@ -49,15 +49,15 @@ def _timed(work: Callable) -> tuple:
     return result, round(time.process_time() - start, 3)
 
 
-def _by_layout(plan: Plan) -> dict[str, Unit]:
+def _by_layout(plan: StudyPlan) -> dict[str, Job]:
     split = split_json(splits_of(plan, 1)[0])
     return {
-        layout: Unit(f"cost/{layout}", cost_unit, {"layout": layout, "split": split, **plan.source()})
+        layout: Job(f"cost/{layout}", cost_unit, {"layout": layout, "split": split, **plan.source()})
         for layout in _LAYOUTS
     }
 
 
-def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rows = []
     for layout, unit in _by_layout(plan).items():
         r = results[unit.name]

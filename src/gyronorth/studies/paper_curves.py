@@ -7,15 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.published import duration_curve, model_based
 from gyronorth.studies.floors import at_durations, at_window
 from gyronorth.studies.methods import WINDOW
 from gyronorth.studies.network_tables import COLUMNS, DIVERGED, network_row, pooled
 from gyronorth.studies.networks import BASELINE, PAPER, Variant, denoiser_unit, heading_unit, rebuilt, splits_of
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
-from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import duration_curve, model_based
+from gyronorth.studies.work import Job, Result
 
 T_BACK = (100, 200, 300, 400, 500, 600, 700, 800, 850, 900, 920, 950, 980)
 #: Those whose training curves Fig. 7 shows.
@@ -49,17 +49,17 @@ def scale_unit(denoiser: Result, *, normalisation: str, seed: int, data: dict | 
     }
 
 
-def _scale_by(plan: Plan) -> dict[str, Unit]:
+def _scale_by(plan: StudyPlan) -> dict[str, Job]:
     out = {}
     for kind in _NORMALISATIONS:
         variant: Variant = {} if kind == "sequence" else {"normalisation": kind}
         arguments = {"normalisation": kind, **plan.source()}
         denoiser = denoiser_unit(variant, plan, seed=plan.seed)
-        out[kind] = Unit(f"scale/{kind}-{plan.epochs or 'full'}-{plan.seed}", scale_unit, arguments, (denoiser,))
+        out[kind] = Job(f"scale/{kind}-{plan.epochs or 'full'}-{plan.seed}", scale_unit, arguments, (denoiser,))
     return out
 
 
-def _scale_report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _scale_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rows, curves = [], {}
     for kind, unit in _scale_by(plan).items():
         r = results[unit.name]
@@ -96,7 +96,7 @@ def _scale_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     return Report(text, (Table("Scale of the denoised rate", columns, tuple(rows), note),), curves)
 
 
-def _t_back_by(plan: Plan) -> dict[int, list[Unit]]:
+def _t_back_by(plan: StudyPlan) -> dict[int, list[Job]]:
     splits = splits_of(plan, plan.seeds)
     return {
         t: [
@@ -107,11 +107,11 @@ def _t_back_by(plan: Plan) -> dict[int, list[Unit]]:
     }
 
 
-def _t_back_units(plan: Plan) -> list[Unit]:
+def _t_back_units(plan: StudyPlan) -> list[Job]:
     return [unit for units in _t_back_by(plan).values() for unit in units]
 
 
-def _t_back_report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _t_back_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rows, sweep = [], []
     histories = {}
     for t, units in _t_back_by(plan).items():
@@ -132,7 +132,7 @@ def _t_back_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     return Report(text, (table,), {"sweep": sweep, "training": histories})
 
 
-def _duration_by(plan: Plan) -> dict[str, dict[float, list[Unit]]]:
+def _duration_by(plan: StudyPlan) -> dict[str, dict[float, list[Job]]]:
     splits = splits_of(plan, plan.seeds)
     named = {"the paper": PAPER, "baseline": BASELINE}
     return {
@@ -147,11 +147,11 @@ def _duration_by(plan: Plan) -> dict[str, dict[float, list[Unit]]]:
     }
 
 
-def _duration_units(plan: Plan) -> list[Unit]:
+def _duration_units(plan: StudyPlan) -> list[Job]:
     return [unit for lengths in _duration_by(plan).values() for units in lengths.values() for unit in units]
 
 
-def _duration_report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _duration_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     twin = np.degrees(duration_curve(plan.recordings(), np.array(DURATIONS)))
     curves: dict[str, list[float | None]] = {"duration": list(DURATIONS), "model-based, all recordings": twin.tolist()}
     found = {}

@@ -20,9 +20,9 @@ from gyronorth.studies.networks import (
     splits_of,
 )
 from gyronorth.studies.published_splits import split_units
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
-from gyronorth.studies.work import Result, Unit
+from gyronorth.studies.work import Job, Result
 
 WITH_COS_SIN = "the paper, (cos, sin) output"
 NETWORKS = {
@@ -37,7 +37,7 @@ THE_PAPER = "denoiser + enhanced network (the paper)"
 PRINTED = {MODEL_BASED: 4.5, "baseline network (II-B)": 3.9, THE_PAPER: 3.3}
 
 
-def network_units(plan: Plan) -> dict[str, list[Unit]]:
+def network_units(plan: StudyPlan) -> dict[str, list[Job]]:
     """The networks trained anew on each of the first random splits."""
     splits = splits_of(plan, plan.network_splits)
     return {
@@ -46,7 +46,7 @@ def network_units(plan: Plan) -> dict[str, list[Unit]]:
     }
 
 
-def _units(plan: Plan) -> list[Unit]:
+def _units(plan: StudyPlan) -> list[Job]:
     others = split_units(plan)[: plan.network_splits]
     return [*others, *(unit for units in network_units(plan).values() for unit in units)]
 
@@ -61,7 +61,7 @@ def _without_network(results: list[Result], method: str) -> Pooled:
     )
 
 
-def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     others = [results[unit.name] for unit in split_units(plan)[: plan.network_splits]]
     trained = {k: [results[unit.name] for unit in units] for k, units in network_units(plan).items()}
     found = {MODEL_BASED: _without_network(others, MODEL_BASED)}

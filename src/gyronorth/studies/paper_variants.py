@@ -24,9 +24,9 @@ from gyronorth.studies.networks import (
     heading_unit,
     splits_of,
 )
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
-from gyronorth.studies.work import Result, Unit
+from gyronorth.studies.work import Job, Result
 from gyronorth.uncertainty import SIGMA_UNKNOWN
 
 _PAPER_ROW = "paper's settings"
@@ -127,11 +127,11 @@ FAMILIES = (
 )
 
 
-def _units(family: Family, plan: Plan) -> list[Unit]:
+def _units(family: Family, plan: StudyPlan) -> list[Job]:
     return [unit for units in _by_variant(family, plan).values() for unit in units]
 
 
-def _by_variant(family: Family, plan: Plan) -> dict[str, list[Unit]]:
+def _by_variant(family: Family, plan: StudyPlan) -> dict[str, list[Job]]:
     out = {}
     for label, variant in family.variants.items():
         units = []
@@ -143,11 +143,11 @@ def _by_variant(family: Family, plan: Plan) -> dict[str, list[Unit]]:
     return out
 
 
-def _splits(family: Family, plan: Plan) -> int:
+def _splits(family: Family, plan: StudyPlan) -> int:
     return min(plan.seeds, family.most_splits or plan.seeds)
 
 
-def _report(family: Family, plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(family: Family, plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     grouped = _by_variant(family, plan)
     rows = [network_row(label, [results[u.name] for u in units], plan.seed) for label, units in grouped.items()]
     tables = [Table(family.title, COLUMNS, tuple(rows), family.note)]
@@ -184,7 +184,7 @@ def _report(family: Family, plan: Plan, results: Mapping[str, Result]) -> Report
     return Report(f"{_HOW} {_splits(family, plan)} split(s). {LOST}", tuple(tables))
 
 
-def _floor(family: Family, plan: Plan, table: Table) -> str:
+def _floor(family: Family, plan: StudyPlan, table: Table) -> str:
     if not table.title.endswith(_OWN_ERROR):
         return at_window(plan, table)
     labels: dict[str, list[str]] = {}
@@ -220,7 +220,7 @@ _SPREAD = {"paper": PAPER, "enhanced, without denoiser": WITHOUT_DENOISER, "base
 _SPREAD_SEEDS = 5
 
 
-def _spread_by(plan: Plan) -> dict[str, list[Unit]]:
+def _spread_by(plan: StudyPlan) -> dict[str, list[Job]]:
     split = splits_of(plan, 1)[0]
     out = {}
     for label, variant in _SPREAD.items():
@@ -232,11 +232,11 @@ def _spread_by(plan: Plan) -> dict[str, list[Unit]]:
     return out
 
 
-def _spread_units(plan: Plan) -> list[Unit]:
+def _spread_units(plan: StudyPlan) -> list[Job]:
     return [unit for units in _spread_by(plan).values() for unit in units]
 
 
-def _spread_report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _spread_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rows = []
     for label, units in _spread_by(plan).items():
         mine = [results[unit.name] for unit in units]

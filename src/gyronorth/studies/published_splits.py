@@ -17,13 +17,13 @@ from gyronorth.evaluation import (
     random_splits,
     share_of_wins,
 )
+from gyronorth.published import LONGEST_PRINTED, fit_noise
 from gyronorth.studies.floors import at_durations
 from gyronorth.studies.methods import METHODS, MODEL_BASED, WINDOW, as_rad, floor, judge_split
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table, degrees
-from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import LONGEST_PRINTED, fit_noise
+from gyronorth.studies.work import Job, Result
 
 #: Headings next to each other that are left out.
 ARCS = (3, 5, 8)
@@ -35,10 +35,10 @@ _WITHIN = (
 )
 
 
-def _units(splits: list[Split], name: str, plan: Plan) -> list[Unit]:
+def _units(splits: list[Split], name: str, plan: StudyPlan) -> list[Job]:
     source = plan.source()
     return [
-        Unit(
+        Job(
             f"{name}/{i:03d}",
             judge_split,
             {
@@ -52,24 +52,24 @@ def _units(splits: list[Split], name: str, plan: Plan) -> list[Unit]:
     ]
 
 
-def loo_units(plan: Plan) -> list[Unit]:
+def loo_units(plan: StudyPlan) -> list[Job]:
     """Each recording tested once."""
     return _units(leave_one_out(len(plan.recordings().heading_true)), "loo", plan)
 
 
-def arc_units(plan: Plan) -> list[Unit]:
+def arc_units(plan: StudyPlan) -> list[Job]:
     """Each arc of each size."""
     heading = plan.recordings().heading_true
     return [unit for arc in ARCS for unit in _units(leave_arcs_out(heading, arc), f"arcs{arc}", plan)]
 
 
-def split_units(plan: Plan) -> list[Unit]:
+def split_units(plan: StudyPlan) -> list[Job]:
     """Random 24/4/6 splits; the methods without a network learn from training and validation together."""
     rng = np.random.default_rng([plan.seed, 1])
     return _units(random_splits(len(plan.recordings().heading_true), plan.splits, rng=rng), "splits", plan)
 
 
-def table_of(title: str, results: list[Result], length: str, plan: Plan) -> Table:
+def table_of(title: str, results: list[Result], length: str, plan: StudyPlan) -> Table:
     """One row a method: pooled CRMSE, ratio to model-based, coverage, share of splits won."""
     parts = [result[length] for result in results]
     recording = np.concatenate([part["recording"] for part in parts])
@@ -100,8 +100,8 @@ def table_of(title: str, results: list[Result], length: str, plan: Plan) -> Tabl
     return Table(title, columns, tuple(rows), note)
 
 
-def _report(name: str, label: str) -> Callable[[Plan, Mapping[str, Result]], Report]:
-    def report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(name: str, label: str) -> Callable[[StudyPlan, Mapping[str, Result]], Report]:
+    def report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         mine = [results[key] for key in sorted(results) if key.startswith(f"{name}/")]
         tables = (
             table_of(f"{label}, whole recordings", mine, "whole", plan),
@@ -112,7 +112,7 @@ def _report(name: str, label: str) -> Callable[[Plan, Mapping[str, Result]], Rep
     return report
 
 
-def _arc_report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _arc_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     tables = []
     for arc in ARCS:
         mine = [results[key] for key in sorted(results) if key.startswith(f"arcs{arc}/")]
@@ -122,7 +122,7 @@ def _arc_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     return Report(text, tuple(tables))
 
 
-def _split_report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _split_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     report = _report("splits", f"{plan.splits} random 24/4/6 splits")(plan, results)
     mine = [results[key]["whole"]["error_deg"] for key in sorted(results) if key.startswith("splits/")]
     rows = []
@@ -139,20 +139,20 @@ def _split_report(plan: Plan, results: Mapping[str, Result]) -> Report:
     return Report(report.text, (*report.tables, table))
 
 
-def _noise_units(plan: Plan) -> list[Unit]:
+def _noise_units(plan: StudyPlan) -> list[Job]:
     durations = [10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 100.0, 115.0, 230.0]
-    return [Unit("noise/curve", noise_curve, {"durations": durations, "seed": plan.seed})]
+    return [Job("noise/curve", noise_curve, {"durations": durations, "seed": plan.seed})]
 
 
 def noise_curve(*, durations: list[float], seed: int) -> dict:
     """Model-based CRMSE of the twin over windows of each duration, deg."""
-    from gyronorth.twin import duration_curve
+    from gyronorth.published import duration_curve
 
     curve = duration_curve(recordings_of(seed), np.array(durations))
     return {"duration": durations, "crmse_deg": np.round(np.degrees(curve), 6).tolist()}
 
 
-def _noise_report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _noise_report(_plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     fit = fit_noise()
     rows = tuple(
         (float(d), float(np.degrees(p)), float(np.degrees(f)))

@@ -12,11 +12,11 @@ from gyronorth.angles import angle_error, wrap_heading
 from gyronorth.deviation import fit_deviation, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import bootstrap_ratio, coverage
+from gyronorth.published import DURATION, LATITUDE, SESSION, fit_noise, published
 from gyronorth.studies.methods import as_rad, bias_deviation, deg_per_hour
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
-from gyronorth.studies.work import Result, Unit
-from gyronorth.twin import DURATION, LATITUDE, SESSION, fit_noise, published
+from gyronorth.studies.work import Job, Result
 
 #: Simulated sets of each kind, and recordings tested of each.
 SETS = 60
@@ -65,15 +65,15 @@ def _judged(error: NDArray, expected: NDArray, sigma: NDArray) -> dict:
     }
 
 
-def _units(plan: Plan) -> list[Unit]:
+def _units(plan: StudyPlan) -> list[Job]:
     units = [
-        Unit(f"no_structure/{known}-{i:03d}", no_structure, {"known": known, "tested": TESTED, "seed": plan.seed + i})
+        Job(f"no_structure/{known}-{i:03d}", no_structure, {"known": known, "tested": TESTED, "seed": plan.seed + i})
         for known in _SIZES
         for i in range(SETS)
     ]
     for declared in (True, False):
         arguments = {"declared": declared, "tested": SETS * TESTED, "seed": plan.seed}
-        units.append(Unit(f"other_set/{'declared' if declared else 'undeclared'}", other_set, arguments))
+        units.append(Job(f"other_set/{'declared' if declared else 'undeclared'}", other_set, arguments))
     return units
 
 
@@ -87,7 +87,7 @@ def _row(label: str, parts: list[Result], seed: int) -> tuple:
     return label, ratio, coverage(error, sigma, group, rng=np.random.default_rng(seed), draws=1000)
 
 
-def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rows = [
         _row(
             f"random biases, learnt from {known} recordings",

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gyronorth.errors import InputError
-from gyronorth.twin import Twin, published_twin
+from gyronorth.published import Twin, published_twin
 
 #: Rate of the studies, Hz: the paper's, from 600 Hz by averages of 200 samples, which keep the mean.
 RATE = 3.0

@@ -26,9 +26,9 @@ from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation import Motion, simulate_batch
 from gyronorth.simulation.disturbance import Draw
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
-from gyronorth.studies.work import Result, Unit
+from gyronorth.studies.work import Job, Result
 
 #: Recordings of a cell and of a unit, their rate, Hz, and latitude, rad.
 RUNS, ROWS, RATE_HZ, LATITUDE = 100, 50, 10.0, np.radians(48.0)
@@ -202,9 +202,9 @@ def _moved(cell: Cell, times: Array) -> Array:
     return size**2 * (np.exp(-lag / LAG) - np.exp(-4 * lag / LAG) / 4) / 0.75
 
 
-def _units(plan: Plan) -> list[Unit]:
+def _units(plan: StudyPlan) -> list[Job]:
     return [
-        Unit(
+        Job(
             f"stress/{number:03d}-{method}-{first:04d}",
             judge_cell,
             {"cell": list(vars(cell).values()), "runs": ROWS, "method": method, "seed": [plan.seed, number, first]},
@@ -236,7 +236,7 @@ def _row(cell: Cell, method: str, parts: list[Result]) -> tuple:
     )
 
 
-def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(_plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rows = []
     for number, cell in enumerate(cells()):
         for method in METHODS:

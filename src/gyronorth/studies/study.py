@@ -9,16 +9,16 @@ from typing import Any
 
 from gyronorth.errors import InputError
 from gyronorth.files import write_text
+from gyronorth.published import Twin
 from gyronorth.studies.source import described, recordings_of
 from gyronorth.studies.tables import Report, Table
-from gyronorth.studies.work import Result, Unit, commit, data_sha256, write_json
-from gyronorth.twin import Twin
+from gyronorth.studies.work import Job, Result, commit, data_sha256, write_json
 
 SCHEMA = "gyronorth.study/1"
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """How much is run. The defaults are those of the results page.
 
     Raises
@@ -49,7 +49,7 @@ class Plan:
 
     def options(self) -> str:
         """What differs from the defaults, as command line options."""
-        default = Plan()
+        default = StudyPlan()
         changed = [(k, v) for k, v in vars(self).items() if v != getattr(default, k)]
         return "".join(f" --{name.replace('_', '-')} {value}" for name, value in changed)
 
@@ -61,17 +61,17 @@ class Study:
     name: str  # of its files
     title: str
     benchmark: str  # the command that it belongs to: paper, published, turned or disturbed
-    units: Callable[[Plan], list[Unit]]
-    report: Callable[[Plan, Mapping[str, Result]], Report]  # of the results by unit name
-    floor: Callable[[Plan, Table], str] = lambda plan, table: ""  # a line below a table of heading errors
+    units: Callable[[StudyPlan], list[Job]]
+    report: Callable[[StudyPlan, Mapping[str, Result]], Report]  # of the results by unit name
+    floor: Callable[[StudyPlan, Table], str] = lambda _plan, _table: ""  # a line below a table of heading errors
 
-    def markdown(self, table: Table, plan: Plan) -> str:
+    def markdown(self, table: Table, plan: StudyPlan) -> str:
         """A table of the report as a reader sees it, with the floor of its heading errors below."""
         line = self.floor(plan, table)
         return table.to_markdown() + (f"\n{line}\n" if line else "")
 
 
-def write_study(study: Study, plan: Plan, results: Mapping[str, Result], folder: Path, *, command: str) -> Report:
+def write_study(study: Study, plan: StudyPlan, results: Mapping[str, Result], folder: Path, *, command: str) -> Report:
     """Write `<name>.json` and `<name>.md` and give what they hold."""
     report = study.report(plan, results)
     content: dict[str, Any] = {

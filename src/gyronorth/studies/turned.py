@@ -15,9 +15,9 @@ from gyronorth.evaluation import Interval, bootstrap_crmse, wilson
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.simulation import Motion, simulate_batch
 from gyronorth.studies.methods import as_rad, rounded
-from gyronorth.studies.study import Plan, Study
+from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table, degrees
-from gyronorth.studies.work import Result, Unit
+from gyronorth.studies.work import Job, Result
 
 #: Time of standing still, shared by the poses, and of each turn, s; sample rate, Hz.
 STILL, TURN, RATE_HZ = 100.0, 10.0, 10.0
@@ -108,10 +108,10 @@ def judge(*, case: dict, runs: int, seed: list[int]) -> Result:
     return {"error_deg": rounded(off), "sigma_deg": rounded(sigma)}
 
 
-def _units_of(number: int, case: Case, plan: Plan) -> list[Unit]:
+def _units_of(number: int, case: Case, plan: StudyPlan) -> list[Job]:
     arguments = {**asdict(case), "turns_deg": list(case.turns_deg)}
     return [
-        Unit(
+        Job(
             f"turned/{number:02d}-{first:04d}",
             judge,
             {"case": arguments, "runs": min(ROWS, case.runs - first), "seed": [plan.seed, number, first]},
@@ -120,11 +120,11 @@ def _units_of(number: int, case: Case, plan: Plan) -> list[Unit]:
     ]
 
 
-def _units(plan: Plan) -> list[Unit]:
+def _units(plan: StudyPlan) -> list[Job]:
     return [unit for number, case in enumerate(CASES.values()) for unit in _units_of(number, case, plan)]
 
 
-def _report(plan: Plan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     rng, rows = np.random.default_rng(plan.seed), []
     for number, (name, case) in enumerate(CASES.items()):
         parts = [results[unit.name] for unit in _units_of(number, case, plan)]

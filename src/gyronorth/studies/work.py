@@ -44,7 +44,7 @@ Result = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Unit:
+class Job:
     """One piece of work: `function(*results of needs, **arguments)` gives a JSON-able dict.
 
     `name` is the path of its result file below `units/`, without suffix.
@@ -53,7 +53,7 @@ class Unit:
     name: str
     function: Callable[..., Result]
     arguments: Mapping[str, Any]
-    needs: tuple[Unit, ...] = field(default=())
+    needs: tuple[Job, ...] = field(default=())
 
     def key(self) -> str:
         """Checksum of what decides the result."""
@@ -62,12 +62,12 @@ class Unit:
 
 
 def run_units(
-    units: Sequence[Unit],
+    units: Sequence[Job],
     folder: Path,
     executor: Executor,
     *,
     command: str,
-    done: Callable[[int, int], None] = lambda finished, total: None,
+    done: Callable[[int, int], None] = lambda _finished, _total: None,
 ) -> dict[str, Result]:
     """Run what is not there yet and give all results by name.
 
@@ -82,7 +82,7 @@ def run_units(
     order = _with_needs(units)
     results = {unit.name: result for unit in order if (result := _stored(unit, folder)) is not None}
     waiting = [unit for unit in order if unit.name not in results]
-    running: dict[Future[Result], Unit] = {}
+    running: dict[Future[Result], Job] = {}
     failure: Exception | None = None
     done(len(results), len(order))
     while (waiting and failure is None) or running:
@@ -201,14 +201,14 @@ def _spawn() -> Any:
     return multiprocessing.get_context("spawn")  # fork after PyTorch has started threads can hang
 
 
-def _work(unit: Unit, needs: list[Result]) -> Result:
+def _work(unit: Job, needs: list[Result]) -> Result:
     return unit.function(*needs, **unit.arguments)
 
 
-def _with_needs(units: Sequence[Unit]) -> list[Unit]:
-    found: dict[str, Unit] = {}
+def _with_needs(units: Sequence[Job]) -> list[Job]:
+    found: dict[str, Job] = {}
 
-    def visit(unit: Unit) -> None:
+    def visit(unit: Job) -> None:
         for need in unit.needs:
             visit(need)
         if unit.name in found and found[unit.name].key() != unit.key():
@@ -220,11 +220,11 @@ def _with_needs(units: Sequence[Unit]) -> list[Unit]:
     return list(found.values())
 
 
-def _path(unit: Unit, folder: Path) -> Path:
+def _path(unit: Job, folder: Path) -> Path:
     return folder / "units" / f"{unit.name}.json"
 
 
-def _stored(unit: Unit, folder: Path) -> Result | None:
+def _stored(unit: Job, folder: Path) -> Result | None:
     path = _path(unit, folder)
     if not path.is_file():
         return None
@@ -232,7 +232,7 @@ def _stored(unit: Unit, folder: Path) -> Result | None:
     return content["result"] if content.get("key") == unit.key() else None
 
 
-def _write(unit: Unit, result: Result, folder: Path, command: str) -> None:
+def _write(unit: Job, result: Result, folder: Path, command: str) -> None:
     content = {
         "schema": SCHEMA,
         "unit": unit.name,

@@ -94,7 +94,7 @@ def bundle_of(method: str, model: str | Path | None) -> LoadedBundle:
 
 
 @lru_cache(maxsize=4)
-def _loaded(folder: Path, changed: int) -> LoadedBundle:
+def _loaded(folder: Path, changed: int) -> LoadedBundle:  # noqa: ARG001 - a changed description is another bundle
     return load_bundle(folder)
 
 

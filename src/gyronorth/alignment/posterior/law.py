@@ -142,7 +142,7 @@ def law_of(
             upright.append(own[:COUNT, :COUNT] + yaw**2 * _motion(seconds, time * duration))
             yaw_drift.append(d)
             yaw_prior.append(np.log(0.8) if yaw == 0 else np.log(0.2 / (len(yaws) - 1)))
-    walk = _walk_modes(seconds) * scale
+    walk = _walk_modes() * scale
     return Law(
         horizontal=_axis(covariances, shapes.gyro, shapes.trace if accel else None, walk, seconds),
         vertical=_axis(np.array(upright), shapes.gyro, None, walk, seconds),
@@ -199,7 +199,7 @@ def _motion(seconds: float, time: float) -> Array:
     return np.diff(np.diff(tilt, axis=0), axis=1) / seconds**2
 
 
-def _walk_modes(seconds: float) -> Array:
+def _walk_modes() -> Array:
     """Karhunen-Loeve modes of a random walk of unit variance at the end, (COUNT, WALK_MODES), as `tones.evidence`."""
     wave = np.pi * (np.arange(WALK_MODES) + 0.5)
     time = (np.arange(COUNT) + 0.5) / COUNT

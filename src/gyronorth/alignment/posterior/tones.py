@@ -120,6 +120,7 @@ def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErr
 def explained_by(
     fine_l: Array, rate_hz: float, white: float, frequencies: tuple[float, ...], masked: Mask | None, log_prior: float
 ) -> Cleaned:
+    """The level rate (n, 3), rad/s, with tones of the given frequencies, Hz, fitted and taken out."""
     n = len(fine_l)
     variance = np.full(n, white**2 * rate_hz)
     if masked is not None:

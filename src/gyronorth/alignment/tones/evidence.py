@@ -78,7 +78,7 @@ def network_axes(samples: int, rate_hz: float) -> tuple[NDArray[np.float32], NDA
 
 
 @dataclass(frozen=True)
-class Law:
+class ToneLaw:
     """What depends on the length of a recording and on the sensor only; columns whitened."""
 
     whiten: Array  # (n, n) or, for white noise alone, (n,)
@@ -114,7 +114,7 @@ def _whitener(blocks: int, rate_hz: float, errors: TriadErrors) -> Array:
 
 
 @lru_cache(maxsize=16)
-def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
+def law(samples: int, rate_hz: float, errors: TriadErrors) -> ToneLaw:
     """The law for recordings of one length of one sensor."""
     whiten = _whitener(-(-samples // BLOCK), rate_hz, errors)
     whiten = whiten[:samples] if whiten.ndim == 1 else whiten[:samples, :samples]
@@ -131,7 +131,7 @@ def law(samples: int, rate_hz: float, errors: TriadErrors) -> Law:
     walk = np.sqrt(2) * np.sin(wave * time[:, None] * rate_hz / samples) / wave * WALK_RATE
     slow = np.concatenate([np.ones((samples, 1)), decay, tilt, walk], axis=1)
     slow = whiten[:, None] * slow if whiten.ndim == 1 else whiten @ slow
-    return Law(
+    return ToneLaw(
         whiten=whiten,  # type: ignore[arg-type]
         time=time,  # type: ignore[arg-type]
         frequency=frequency,
@@ -193,7 +193,7 @@ class Columns:
     bumped: bool  # whether samples are masked
 
 
-def columns(law: Law, gyro_l: Array, masked: Mask, frequency: Array) -> Columns:
+def columns(law: ToneLaw, gyro_l: Array, masked: Mask, frequency: Array) -> Columns:
     """Columns of one recording (n, 3), rad/s; a masked sample is one more unknown."""
     known = np.concatenate([law.constant[:, None], law.whitened(gyro_l), law.settling], axis=1)
     tone, bumped = law.tones(frequency), bool(masked.any())
@@ -205,7 +205,7 @@ def columns(law: Law, gyro_l: Array, masked: Mask, frequency: Array) -> Columns:
     return Columns(frequency, known, tone, bumped)
 
 
-def evidence(law: Law, seen: Columns, log_prior: Array, *, scale: float = 1.0) -> Evidence:
+def evidence(law: ToneLaw, seen: Columns, log_prior: Array, *, scale: float = 1.0) -> Evidence:
     """All models over the frequencies of `seen`, each with its log prior; noise `scale` times the law's.
 
     Unknowns are eliminated one after the other, slow change, tone, tone, by Schur complements.

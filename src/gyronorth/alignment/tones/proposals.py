@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, Law, columns, evidence, law, network_axes
+from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, ToneLaw, columns, evidence, law, network_axes
 from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array, Index, Mask
@@ -106,7 +106,7 @@ def amortised(
 
 def explored(
     gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors
-) -> tuple[Law, Lines, Mask, Columns, Evidence]:
+) -> tuple[ToneLaw, Lines, Mask, Columns, Evidence]:
     """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
     known = law(len(gyro_l), rate_hz, errors)
     noise = errors.white * np.sqrt(rate_hz)
@@ -166,7 +166,7 @@ class Lines:
         return Lines(np.concatenate(frequency), np.concatenate(log_prior), np.concatenate(parts))
 
 
-def _bumped(known: Law, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> Mask:
+def _bumped(known: ToneLaw, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> Mask:
     """Samples that the likeliest model cannot explain; as before if they are too many to be bumps."""
     square = np.sum(_residual(known, gyro_l, seen, models) ** 2, axis=1)
     # 2.366 is the median of chi-square with 3 degrees of freedom.
@@ -174,7 +174,7 @@ def _bumped(known: Law, gyro_l: Array, masked: Mask, seen: Columns, models: Evid
     return bumped if bumped.mean() <= MOST_BUMPED else masked
 
 
-def _residual(known: Law, gyro_l: Array, seen: Columns, models: Evidence) -> Array:
+def _residual(known: ToneLaw, gyro_l: Array, seen: Columns, models: Evidence) -> Array:
     """Whitened residual (n, 3) of all samples from the likeliest model, fitted to those that are not masked."""
     slow, which = np.unravel_index(np.argmax(models.posterior), models.log_weight.shape)
     f, k = len(seen.frequency), len(known.share)

@@ -27,7 +27,7 @@ from gyronorth.alignment.turned.model import (
     regular,
 )
 from gyronorth.alignment.turned.noise import candidates, with_noise
-from gyronorth.alignment.turned.segments import Blocks, Segments, Turn, blocks_per_stretch, cut, find_segments
+from gyronorth.alignment.turned.segments import Blocks, Segments, SegmentTurn, blocks_per_stretch, cut, find_segments
 from gyronorth.angles import DEG_PER_HOUR, wrap_heading
 from gyronorth.arrays import Array
 from gyronorth.attitude import level, mat_bn, rotation
@@ -72,7 +72,7 @@ class TurnedFit:
     scale_factor: tuple[float, float, float]  # relative
     scale_factor_sigma: tuple[float, float, float]
     poses: tuple[TurnedPose, ...]
-    turns: tuple[Turn, ...]
+    turns: tuple[SegmentTurn, ...]
     end: float  # s, where `heading` holds
     chi2: float  # of the observations under the noise law
     dof: int

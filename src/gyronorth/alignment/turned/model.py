@@ -70,6 +70,7 @@ class State:
     value: Array
 
     def matrix(self, name: str) -> Array:
+        """The nine values of a name of `COLUMNS` as a matrix, shape (3, 3)."""
         return self.value[COLUMNS[name]].reshape(3, 3)
 
 

@@ -60,15 +60,17 @@ class Blocks:
 
     @property
     def seconds(self) -> Array:
+        """Length of each block, s."""
         return (self.last - self.first) / self.rate_hz
 
     @property
     def still(self) -> NDArray[np.bool_]:
+        """Whether each block belongs to a still stretch."""
         return self.stretch >= 0
 
 
 @dataclass(frozen=True)
-class Turn:
+class SegmentTurn:
     """A rotation between two stretches (before the first and after the last: not a turn)."""
 
     start: float  # s
@@ -83,7 +85,7 @@ class Segments:
 
     stretches: tuple[tuple[int, int], ...]  # samples [first, last) of each still stretch, edges trimmed
     pose: tuple[int, ...]  # number of the pose of each stretch
-    turns: tuple[Turn, ...]  # between the stretches; at the ends only spins
+    turns: tuple[SegmentTurn, ...]  # between the stretches; at the ends only spins
 
     @property
     def poses(self) -> int:
@@ -129,7 +131,7 @@ def find_segments(gyro_b: Array, *, rate_hz: float, turn_on_bias: float | None =
 
 def _with_turns(gyro_b: Array, stretches: tuple[tuple[int, int], ...], rate_hz: float) -> Segments:
     edges = [0, *(edge for stretch in stretches for edge in stretch), len(gyro_b)]
-    turns: list[Turn] = []
+    turns: list[SegmentTurn] = []
     pose: list[int] = [0] if stretches else []
     for number, (first, last) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
         inner = 0 < number < len(stretches)
@@ -141,7 +143,7 @@ def _with_turns(gyro_b: Array, stretches: tuple[tuple[int, int], ...], rate_hz: 
         angle = float((part @ axis).sum() / rate_hz)
         spin = _is_spin(part, rate_hz)
         if inner or spin:
-            turns.append(Turn(first / rate_hz, last / rate_hz, angle, spin))
+            turns.append(SegmentTurn(first / rate_hz, last / rate_hz, angle, spin))
         if inner:
             net = attitude_path(part, rate_hz=rate_hz)[1][-1]
             moved = 2 * np.arctan2(np.linalg.norm(net[:3]), abs(net[3])) > SAME_POSE or abs(angle) > np.pi

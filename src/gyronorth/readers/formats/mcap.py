@@ -46,7 +46,7 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
     topic = choose_topic(topics, options.topic, path.name, other)
     facts = None
     if texts is not None:
-        facts, _ = read_facts(texts, lambda key: f"Metadata record {SIGNATURE[1]} of {path.name}")
+        facts, _ = read_facts(texts, lambda _key: f"Metadata record {SIGNATURE[1]} of {path.name}")
     cdr = _is_cdr(encodings[topic], topic, header.profile, path.name)
     found = ImuTopic(topic, topics[topic], *times, cdr, partial(_messages, path, topic, indexed))
     return imu_source(path.name, "mcap", found, facts=facts)

@@ -156,7 +156,7 @@ def _facts(reader: Any, name: str) -> Facts | None:
         texts = json.loads(bytes(message[4:]))
         if not (isinstance(texts, dict) and all(isinstance(text, str) for text in texts.values())):
             raise ValueError(f"{_FACTS_TOPIC} holds no texts")
-        return read_facts(texts, lambda key: f"Topic {_FACTS_TOPIC} of {name}")[0]
+        return read_facts(texts, lambda _key: f"Topic {_FACTS_TOPIC} of {name}")[0]
     return None
 
 

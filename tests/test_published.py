@@ -10,19 +10,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from gyronorth import twin as twin_module
+from gyronorth import published as twin_module
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
-from gyronorth.twin import (
-    DURATION,
-    LATITUDE,
-    duration_curve,
-    fit_noise,
-    model_based,
-    published,
-    published_twin,
-)
+from gyronorth.published import DURATION, LATITUDE, duration_curve, fit_noise, model_based, published, published_twin
 
 
 @pytest.fixture(scope="module")
