@@ -6,6 +6,7 @@ import ast
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
 HEAVY = {"torch", "scipy", "onnxruntime", "matplotlib", "pandas"}
 #: Lines of a file and parameters of a public function: where the house rules say stop.
-FILE_LIMIT, PARAMETER_LIMIT = 600, 8
+FILE_LIMIT, PARAMETER_LIMIT = 400, 8
 #: `simulate` has one parameter for each fact about the scene, `heading` one for each thing that may be known.
 LONG_SIGNATURES = {"heading": 10, "simulate": 10, "simulate_batch": 11}
 
@@ -65,28 +66,13 @@ def test_imports_go_one_way(monkeypatch):
     assert lint_imports(config_filename="pyproject.toml") == 0
 
 
-#: Of other packages, and what is still to get a public place.
-PRIVATE_NAMES = {
-    "_exit",
-    "_state",
-    "_gather",
-    "_get_variance",
-    "_store",
-    "_next",
-    "_found",
-    "_grid",
-    "_scan",
-    "_posterior",
-}
-
-
-#: Rooms whose tests are still to be looked through.
-NOT_YET = ("frames",)
+#: Of other packages.
+PRIVATE_NAMES = {"_exit", "_state", "_gather", "_get_variance"}
 
 
 def test_tests_reach_for_no_private_name():
     found = set()
-    for path in [path for path in (ROOT / "tests").rglob("*.py") if path.parent.name not in NOT_YET]:
+    for path in (ROOT / "tests").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gyronorth"):
                 found |= {(path.name, alias.name) for alias in node.names}
@@ -96,13 +82,24 @@ def test_tests_reach_for_no_private_name():
     assert {name for _, name in private} <= PRIVATE_NAMES, private
 
 
+#: What the head of a longer file says, and then why.
+LONG = f"Longer than {FILE_LIMIT} lines:"
+
+
+def test_floors_are_ten_at_most():
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]
+    assert contract["type"] == "layers"
+    assert len(contract["layers"]) <= 10
+
+
 def test_sizes():
     """Lines of every file, parameters of every public function."""
     assert len(SOURCES) > 100
     beyond = []
     for path in SOURCES:
         text, where = path.read_text(), path.relative_to(ROOT)
-        if (lines := len(text.splitlines())) > FILE_LIMIT:
+        reasoned = LONG in (ast.get_docstring(ast.parse(text)) or "")
+        if (lines := len(text.splitlines())) > FILE_LIMIT and not reasoned:
             beyond.append(f"{where} has {lines} lines")
         if path.parent.name == "cli":  # a command of the command line has one parameter for each option
             continue

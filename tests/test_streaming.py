@@ -190,9 +190,9 @@ def test_blocks_of_any_size_give_the_same(blocks):
     parts = stream_of(scene("turned"), blocks=blocks, sensor=SENSOR, method="mean")
     whole = in_one_block("turned")
     ours, theirs = parts.estimate(), whole.estimate()
-    assert parts._store.size == whole._store.size == 5
-    assert parts._store.count == whole._store.count
-    assert_allclose(parts._store.rows[: parts._store.count], whole._store.rows[: whole._store.count], atol=1e-12)
+    assert parts.store.size == whole.store.size == 5
+    assert parts.store.count == whole.store.count
+    assert_allclose(parts.store.rows[: parts.store.count], whole.store.rows[: whole.store.count], atol=1e-12)
     assert (ours.heading, ours.sigma) == pytest.approx((theirs.heading, theirs.sigma), abs=1e-9)
     assert ours.valid == theirs.valid
 
@@ -245,7 +245,7 @@ def long_stream(minutes, monkeypatch, *, rate_hz=600.0, every=1, **settings):
 
 def memory_of(stream):
     """Bytes of all arrays that the stream holds."""
-    return sum(part.nbytes for part in vars(stream._store).values() if isinstance(part, np.ndarray))
+    return sum(part.nbytes for part in vars(stream.store).values() if isinstance(part, np.ndarray))
 
 
 @pytest.mark.slow
@@ -254,10 +254,10 @@ def test_memory_and_work_do_not_grow_with_time(monkeypatch):
     long, of_long = long_stream(60, monkeypatch, every=2)
     assert memory_of(short) == memory_of(long) < 2e6
     assert max(of_short, of_long) <= MOST_ROWS
-    assert short._store.count <= MOST_ROWS
-    assert MOST_ROWS / 5 < long._store.count <= MOST_ROWS  # and the time is still resolved
+    assert short.store.count <= MOST_ROWS
+    assert MOST_ROWS / 5 < long.store.count <= MOST_ROWS  # and the time is still resolved
     assert long.duration == 3600.0
-    assert long._store.count * long._store.size + long._store._next == 3600 * 600  # no sample is lost
+    assert long.store.count * long.store.size + long.store.waiting == 3600 * 600  # no sample is lost
 
 
 def test_rows_merged_do_not_grow_with_time(monkeypatch):
@@ -429,7 +429,7 @@ def test_restart_forgets():
 def test_trace_thins_itself_and_keeps_its_ends():
     stream = StreamingHeading(rate_hz=10, latitude=LATITUDE, accelerometer=False)
     unit = Recording(np.tile([EARTH_RATE, 0.0, 0.0], (5, 1)), None, 10.0)
-    stream._found = lambda: heading_of_nothing  # the trace alone is looked at
+    stream.solve = lambda: heading_of_nothing  # the trace alone is looked at
     heading_of_nothing = fed(20).estimate()
     for _ in range(5000):
         stream.add(unit.gyro_b)

@@ -108,14 +108,14 @@ class StreamingHeading:
         """Forget all samples and the trace."""
         info = registry.METHODS.info(self._method)
         lowest_hz = STEADY_RATE if info.memory == "last_window" else 0.0
-        self._store = _Store(self.rate_hz, 6 if self.accelerometer else 3, lowest_hz)
+        self.store = RowStore(self.rate_hz, 6 if self.accelerometer else 3, lowest_hz)
         self._trace: list[tuple[float, float, float, bool]] = []
         self._spacing = 0.0
 
     @property
     def duration(self) -> float:
         """Time since the start, s."""
-        return self._store.samples / self.rate_hz
+        return self.store.samples / self.rate_hz
 
     @property
     def trace(self) -> list[tuple[float, float, float, bool]]:
@@ -142,12 +142,12 @@ class StreamingHeading:
         if np.size(gyro_b) == 0 and (accel_b is None or np.size(accel_b) == 0):
             return
         piece = Recording(gyro_b, accel_b, self.rate_hz)  # type: ignore[arg-type]  # it checks and converts
-        self._store.add(piece.gyro_b if piece.accel_b is None else np.hstack([piece.gyro_b, piece.accel_b]))
+        self.store.add(piece.gyro_b if piece.accel_b is None else np.hstack([piece.gyro_b, piece.accel_b]))
 
     def estimate(self) -> HeadingEstimate:
         """The heading of all that was added, as `heading` gives it, with one entry of the trace."""
-        self._store.settle()
-        found = self._found()
+        self.store.settle()
+        found = self.solve()
         self._remember(found)
         return found
 
@@ -161,7 +161,7 @@ class StreamingHeading:
         norm : ndarray, shape (k,)
             rad/s.
         """
-        store = self._store
+        store = self.store
         store.settle()
         size = max(1, round(TRACE_SECONDS * store.rate_hz), -(-store.count // TRACE_POINTS))
         rate_b = block_means(store.rows[: store.count, :3], size)
@@ -173,10 +173,11 @@ class StreamingHeading:
         """The estimate of the rows, with the peaks and the rate of the samples that they are made of."""
         options = Options(self._model, None, self._deviation)
         result = registry.solve(method, problem, options)
-        return verdict.estimate(problem, result, peaks=self._store.peaks, rate_hz=self.rate_hz)
+        return verdict.estimate(problem, result, peaks=self.store.peaks, rate_hz=self.rate_hz)
 
-    def _found(self) -> HeadingEstimate:
-        store = self._store
+    def solve(self) -> HeadingEstimate:
+        """The heading of all that was added, without an entry of the trace."""
+        store = self.store
         if store.count == 0:
             return self._too_short(f"no sample has come yet; at least {FEWEST_SAMPLES} and {SHORTEST:g} s are needed.")
         problem, info = self._problem(), registry.METHODS.info(self._method)
@@ -188,12 +189,12 @@ class StreamingHeading:
             return self._too_short(str(error))
         if found.method == "turned" and len(found.poses) > MOST_POSES:
             store.drop(round(found.poses[-MOST_POSES].start * store.rate_hz))
-            return self._found()
+            return self.solve()
         return replace(found, warnings=(*found.warnings, *self._limits(problem.duration)))
 
     def _problem(self) -> Problem:
         """The rows as a problem."""
-        store = self._store
+        store = self.store
         gyro_b, accel_b = store.rows[: store.count, :3], store.rows[: store.count, 3:]
         return self._of(gyro_b, accel_b if self.accelerometer else None, store.rate_hz)
 
@@ -202,7 +203,7 @@ class StreamingHeading:
 
     def _limits(self, used: float) -> list[Finding]:
         """Warnings of what was left out, where `used` s are left."""
-        store, found = self._store, []
+        store, found = self.store, []
         if store.size > 1 and store.rate_hz < 0.99 / CHUNK:
             message = (
                 f"After {self.duration / 3600:.1f} h samples are kept as means over {1 / store.rate_hz:.1f} s: "
@@ -220,7 +221,7 @@ class StreamingHeading:
 
     def _too_short(self, why: str) -> HeadingEstimate:
         """No heading yet."""
-        store = self._store
+        store = self.store
         message = f"No heading after {self.duration:.2f} s: {why}"
         rate = store.rows[: store.count, :3].mean(axis=0) if store.count else np.zeros(3)
         found = verdict.refusal(
@@ -254,7 +255,7 @@ class StreamingHeading:
             self._spacing = 2 * self.duration / TRACE_POINTS
 
 
-class _Store:
+class RowStore:
     """All samples so far in at most `MOST_ROWS` rows of equal length."""
 
     def __init__(self, rate_hz: float, columns: int, lowest_hz: float) -> None:
@@ -265,7 +266,7 @@ class _Store:
         self.rows = np.empty((MOST_ROWS, columns))  # rate, rad/s, and specific force, m/s^2
         self.peak = np.zeros(2)  # largest component of either since the start
         self._sample_hz, self._lowest_hz = rate_hz, lowest_hz
-        self._waiting, self._next = np.empty((WAITING, columns)), 0
+        self._waiting, self.waiting = np.empty((WAITING, columns)), 0
         self._factors = _factors(max(1, round(CHUNK * rate_hz)))
         self._factor = next(self._factors)
 
@@ -289,22 +290,22 @@ class _Store:
         """Put samples, shape (n, columns), behind the others."""
         self.samples += len(samples)
         while len(samples):
-            part = samples[: len(self._waiting) - self._next]
-            self._waiting[self._next : self._next + len(part)] = part
-            self._next += len(part)
+            part = samples[: len(self._waiting) - self.waiting]
+            self._waiting[self.waiting : self.waiting + len(part)] = part
+            self.waiting += len(part)
             samples = samples[len(part) :]
-            if self._next == len(self._waiting):
+            if self.waiting == len(self._waiting):
                 self.settle()
 
     def settle(self) -> None:
         """Make rows of the samples that wait, but for an incomplete last row."""
-        waiting = self._waiting[: self._next]
+        waiting = self._waiting[: self.waiting]
         for place, triad in enumerate((waiting[:, :3], waiting[:, 3:])):
             self.peak[place] = max(self.peak[place], np.abs(triad).max(initial=0.0))
         done = 0
-        while self._next - done >= self.size:
+        while self.waiting - done >= self.size:
             full = MOST_ROWS // self._factor * self._factor
-            rows = min((self._next - done) // self.size, full - self.count)
+            rows = min((self.waiting - done) // self.size, full - self.count)
             part = waiting[done : done + rows * self.size]
             self.rows[self.count : self.count + rows] = merged_rows(part, self.size, rate_hz=self._sample_hz)
             self.count, done = self.count + rows, done + rows * self.size
@@ -313,8 +314,8 @@ class _Store:
         rest = waiting[done:].copy()
         if len(self._waiting) < self.size:
             self._waiting = np.empty((2 * self.size, self.rows.shape[1]))
-        self._next = len(rest)
-        self._waiting[: self._next] = rest
+        self.waiting = len(rest)
+        self._waiting[: self.waiting] = rest
 
     def drop(self, rows: int) -> None:
         """Leave out the oldest rows."""

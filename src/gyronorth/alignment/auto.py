@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from gyronorth.alignment.gates import judge
+from gyronorth.alignment.gates import judge_result
 from gyronorth.alignment.methods.inertial import MOTION_RATIO
 from gyronorth.alignment.motion import drift_detected
 from gyronorth.alignment.problem import Problem
@@ -89,7 +89,7 @@ def _seen_by_the_accelerometer(problem: Problem) -> Mask:
 
 
 def _refused(problem: Problem, result: Result) -> bool:
-    gates = judge(problem, result, METHODS.info(result.method).gates)
+    gates = judge_result(problem, result, METHODS.info(result.method).gates)
     return bool(result.refusals) or any(bool(gate.failed) for gate in gates)
 
 

@@ -243,6 +243,13 @@ def _motion(problem: Problem, result: Result) -> list[Gate]:
 GATES: Mapping[str, Callable[[Problem, Result], list[Gate]]] = {"rate": _rate, "width": _width, "motion": _motion}
 
 
+def judge_result(problem: Problem, result: Result, names: Sequence[str]) -> list[Gate]:
+    """The gates of a method on its result; none where there is no heading, or no claim to judge."""
+    if not result.known or not result.variance:
+        return []
+    return [gate for name in names for gate in GATES[name](problem, result)]
+
+
 def judge(
     problem: Problem, result: Result, names: Sequence[str], *, peaks: tuple[Array, Array | None] | None = None
 ) -> list[Gate]:
@@ -257,7 +264,5 @@ def judge(
     peaks : tuple, optional
         Largest output of gyro and accelerometer, where the problem's samples are means that do not show it.
     """
-    gates = [gate for name in names for gate in GATES[name](problem, result)] if result.known else []
-    if result.known and not result.variance:  # too short for any claim
-        gates = []
-    return gates + saturation_gates(problem.sensor, peaks_of(problem) if peaks is None else peaks)
+    saturated = saturation_gates(problem.sensor, peaks_of(problem) if peaks is None else peaks)
+    return judge_result(problem, result, names) + saturated

@@ -1,4 +1,7 @@
-"""One session: a source through to estimates, recording and status. Survives whatever the stream does."""
+"""One session: a source through to estimates, recording and status. Survives whatever the stream does.
+
+Longer than 400 lines: it is one state machine, whose events and answers are read together.
+"""
 
 from __future__ import annotations
 

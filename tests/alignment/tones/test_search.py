@@ -37,8 +37,8 @@ def test_evidence_and_estimate_agree_with_the_dense_gaussian(flicker):
     gyro = reference_set("mixed", runs=1, duration=20.0).gyro_b[0]
     masked = np.zeros(samples, dtype=bool)
     masked[[7, 8, 30]] = True
-    grid = room._grid(samples, rate_hz, errors)
-    models = room._scan(grid, gyro, masked)
+    grid = room.grid_of(samples, rate_hz, errors)
+    models = room.scan(grid, gyro, masked)
     edges, time = np.arange(samples + 1), (np.arange(samples) + 0.5) / rate_hz
     noise = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
     bins = np.array(room.TIME_CONSTANT_BINS)
@@ -78,11 +78,11 @@ def test_evidence_and_estimate_agree_with_the_dense_gaussian(flicker):
 
 
 def test_one_concentrated_law_and_no_law_at_all():
-    heading, sigma, (low, high) = room._posterior(np.array([6.2]), np.array([1e4]), np.array([1.0]))
+    heading, sigma, (low, high) = room.mixture(np.array([6.2]), np.array([1e4]), np.array([1.0]))
     assert_allclose([heading, sigma], [6.2, 0.01], rtol=1e-3)
     # The grid has 1440 cells over 20 sigma: 1.4e-4 rad each.
     assert_allclose([low, high], [6.2 - 0.0196, (6.2 + 0.0196) % (2 * np.pi)], atol=3e-4)
-    _, sigma, interval = room._posterior(np.array([1.0]), np.array([1e-9]), np.array([1.0]))
+    _, sigma, interval = room.mixture(np.array([1.0]), np.array([1e-9]), np.array([1.0]))
     assert_allclose(sigma, np.pi / np.sqrt(3), rtol=0.01)
     assert_allclose((interval[1] - interval[0]) % (2 * np.pi), 0.95 * 2 * np.pi, rtol=1e-3)  # 95 % of the circle
 

@@ -98,17 +98,17 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
     if known.white == 0:
         known = replace(known, white=white_of(gyro_l) / np.sqrt(rate_hz))
     biases = (known.turn_on_bias,) if errors is not None else UNKNOWN_BIAS
-    grid = _grid(len(gyro_l), rate_hz, known)
+    grid = grid_of(len(gyro_l), rate_hz, known)
     masked = _first_mask(gyro_l)
-    found = _scan(grid, gyro_l, masked)
+    found = scan(grid, gyro_l, masked)
     for _ in range(BUMP_ROUNDS):
         again = _bumped(grid, gyro_l, masked, found)
         if (again == masked).all():
             break
         masked = again
-        found = _scan(grid, gyro_l, masked)
+        found = scan(grid, gyro_l, masked)
     grid = _refined(grid, found, rate_hz)
-    found = _scan(grid, gyro_l, masked)
+    found = scan(grid, gyro_l, masked)
     return _conclude(grid, gyro_l, masked, found, latitude, biases)
 
 
@@ -119,7 +119,8 @@ def white_of(gyro_l: Array) -> float:
 
 
 @lru_cache(maxsize=8)
-def _grid(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
+def grid_of(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
+    """The features of every tone and exponential for recordings of one length of one sensor."""
     duration = samples / rate_hz
     edges = np.arange(samples + 1)
     covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
@@ -183,7 +184,7 @@ class _Models:
         return row, tops[row]
 
 
-def _scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 1.0) -> _Models:
+def scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 1.0) -> _Models:
     """All models: no settling and each time constant, each with no, one and two tones."""
     f, k = len(grid.frequency), grid.settling.shape[1]
     known = np.concatenate([grid.one[:, None], grid.whiten @ gyro_l, grid.settling], axis=1) / scale
@@ -313,10 +314,10 @@ def _conclude(
     # 3 n squares scatter by sqrt(2 / 3 n): beyond 4 of these the law does not hold.
     scale = excess**0.5 if excess > 1 + 4 * np.sqrt(2 / (3 * len(square))) else 1.0
     if scale > 1:
-        models = _scan(grid, gyro_l, masked, scale)
+        models = scan(grid, gyro_l, masked, scale)
     weight, concentration, settling, tones = _weigh(models, latitude, biases)
     rate = models.rate[:, settling, tones]
-    heading, sigma, interval = _posterior(np.arctan2(-rate[1], rate[0]), concentration, weight)
+    heading, sigma, interval = mixture(np.arctan2(-rate[1], rate[0]), concentration, weight)
     best = tones[np.argmax(weight)]
     return BayesFit(
         heading=heading,
@@ -362,7 +363,7 @@ def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple
     return weight / weight.sum(), concentration[kept], rows[kept], used[kept]
 
 
-def _posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float, float, tuple[float, float]]:
+def mixture(centre: Array, concentration: Array, weight: Array) -> tuple[float, float, tuple[float, float]]:
     """Mean, root mean square deviation and shortest 95 % interval of a mixture of von Mises laws."""
     from scipy.special import i0e, i1e
 
