@@ -59,16 +59,20 @@ class Auto:
         traced = None
         if problem.accel_b is not None and problem.attitude is None and (detected or problem.sensor is None):
             traced = METHODS["inertial"].solve(problem, Options())
-        if traced is not None and bool(_seen_by_the_accelerometer(problem)):
-            return replace(traced, why="one pose: the accelerometer sees the motion, and gravity is traced through it")
         disturbed = detected or (traced is not None and _noise_is_motion(problem, mean, traced))
         modelled = _modelled(problem) if detected or bool(_changes_slowly(problem)) else None
         found = None if modelled is None else modelled.disturbance
-        if modelled is not None and found is not None and found.drift_probability >= UNSTEADY:
+        seen = traced is not None and bool(_seen_by_the_accelerometer(problem))
+        drifts = found is not None and found.drift_probability >= UNSTEADY
+        # What the accelerometer sees of the motion decides, unless the model explains all of it and finds a drift too.
+        if modelled is not None and found is not None and drifts and (found.explained or not seen):
             why = f"one pose: the bias settles or walks with probability {found.drift_probability:.2f}"
             return replace(modelled, why=f"{why}, which mean and inertial would take for Earth rate")
         if not disturbed:
             return replace(mean, why=UNDISTURBED)
+        if traced is not None and seen:
+            why = "one pose, disturbed: the accelerometer sees the motion, and gravity is traced through it"
+            return replace(traced, why=why, disturbance=found)
         candidates = [result for result in (mean, traced, modelled) if result is not None]
         sigmas = ", ".join(
             f"{np.degrees(float(result.posterior.sigma)):.2f} deg by {result.method}" for result in candidates

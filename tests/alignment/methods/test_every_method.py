@@ -91,7 +91,7 @@ def test_turn_angles_are_used_or_refused(name):
 
 @pytest.mark.parametrize("method", ["auto", "turned"])
 def test_turn_angles_and_an_attitude_do_not_go_together(method):
-    with pytest.raises(InputError, match="oll and pitch were given") as told:
+    with pytest.raises(InputError, match="and pitch were given") as told:
         heading(recorded("turned"), sensor=SENSOR, method=method, turn_angles=[np.pi], attitude=(0.0, 0.0))
     assert "one pose only" not in str(told.value)
 

@@ -38,7 +38,9 @@ class Bayes:
         attitude = replace(problem.mean, heading=np.asarray(fit.heading), rate_l=fit.rate_l)
         white = np.asarray(white_of(gyro_l) ** 2 / len(gyro_l))
         result = averaged_over_models(problem, attitude, posterior, method="bayes", white=white)
-        found = DisturbanceFound(fit.tones, fit.settling, None, None, fit.bumps / rate_hz, fit.noise, True)
+        # 3 n squares scatter by sqrt(2 / 3 n): beyond 4 of these the law does not hold, and sigma was scaled up.
+        explained = fit.noise**2 <= 1 + 4 * np.sqrt(2 / (3 * (len(gyro_l) - fit.bumps)))
+        found = DisturbanceFound(fit.tones, fit.settling, None, None, fit.bumps / rate_hz, fit.noise, bool(explained))
         return replace(result, disturbance=found)
 
 
