@@ -140,7 +140,7 @@ def test_what_is_only_shown_is_listed_with_what_runs_instead():
         assert instead == QUICK or re.search(pattern, text, re.MULTILINE), instead
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_study_of_networks_in_its_shortest_form(clone):
     pytest.importorskip("torch", reason="PyTorch comes with the extra train")
     assert QUICK in exceptions().values()
@@ -261,7 +261,7 @@ def test_every_example_is_in_the_index():
     assert re.findall(r"^\| `(\d\d_\w+\.py)`", index, re.MULTILINE) == [path.name for path in EXAMPLES]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @same_streams
 def test_figures_of_the_readme_are_what_their_seeds_give():
     done = run([str(ROOT / "docs/make_readme.py"), "--check"])

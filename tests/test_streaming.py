@@ -230,8 +230,10 @@ def test_many_revolutions_in_a_row_are_kept():
 def long_stream(minutes, monkeypatch, *, rate_hz=600.0, every=1, **settings):
     """A still stream of that many minutes, and the most samples, of any kind, that one estimate worked on."""
     handled = []
-    aligned = streaming.heading
-    monkeypatch.setattr(streaming, "heading", lambda r, **more: handled.append(len(r.gyro_b)) or aligned(r, **more))
+    solved = streaming.registry.solve
+    monkeypatch.setattr(
+        streaming.registry, "solve", lambda name, p, more: handled.append(len(p.gyro_b)) or solved(name, p, more)
+    )
     stream = StreamingHeading(rate_hz=rate_hz, latitude=LATITUDE, accelerometer=True, sensor=SENSOR, **settings)
     rng = np.random.default_rng(5)
     piece = scene("still", duration=60.0, rate_hz=rate_hz)

@@ -454,7 +454,7 @@ def test_inferred_turn_on_bias_claims_95_percent_for_another_axis(latitude):
     assert 0.95 - 0.016 < np.mean(inside) < 0.95 + 0.016
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_heading_with_the_identified_profile_holds_the_truth():
     # 40 units of half an hour each; the profile of each from its own recording, the heading from its first 5 minutes.
     truth = Sensor(

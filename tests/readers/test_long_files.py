@@ -45,10 +45,10 @@ def folder(tmp_path_factory) -> Path:
     "command",
     [
         ["heading", "{}.csv", "--window", "300:400"],
-        ["allan", "{}.csv"],
-        ["convert", "{}.csv", "-o", "{}.h5"],
+        pytest.param(["allan", "{}.csv"], marks=pytest.mark.long),
+        pytest.param(["convert", "{}.csv", "-o", "{}.h5"], marks=pytest.mark.long),
         ["convert", "{}.csv", "-o", "{}.parquet"],
-        ["convert", "{}.csv", "-o", "{}.bag", "--decimate-to", "100"],
+        pytest.param(["convert", "{}.csv", "-o", "{}.bag", "--decimate-to", "100"], marks=pytest.mark.long),
     ],
     ids=["heading", "allan", "h5", "parquet", "decimated bag"],
 )

@@ -27,7 +27,7 @@ from gyronorth.readers import read, write
 
 SEED = 20240501
 #: Damaged files, in every `make test` and in `make long`.
-FILES, MANY_FILES = 2000, 10_000
+FILES, MANY_FILES = 500, 10_000
 #: Longest processor time for one file, s: a thousand times what one takes.
 PATIENCE = 60
 #: Growth of the process that no damaged size field may cause, KiB.

@@ -26,7 +26,7 @@ from gyronorth.simulation.disturbance import drawn
 Disturbance = Callable[..., Array]
 
 #: Disturbances that can be named, beside "quiet".
-DISTURBANCES = tuple(kind for kind in (*KINDS, *SLOW, *HELD_OUT, *PLATFORM) if kind != "quiet")
+DISTURBANCES = tuple(kind for kind in (*KINDS, *SLOW, *PLATFORM, *HELD_OUT) if kind != "quiet")
 
 
 @dataclass(frozen=True)
