@@ -31,7 +31,7 @@ from gyronorth.evaluation import Interval
 from gyronorth.report.figures import write
 from gyronorth.report.study_figures import FIGURES, study_figure
 from gyronorth.studies.benchmark import STUDIES
-from gyronorth.studies.study import Plan
+from gyronorth.studies.study import StudyPlan
 from gyronorth.studies.tables import Table, cell_text, rows_markdown
 
 PAGES = Path(__file__).parent / "results"
@@ -73,7 +73,7 @@ def section(study: Study, benchmark: str) -> str:
     lines = [f"## {study['title']}", study["text"]]
     if name in FIGURES:
         lines.append(f"![{study['title']}]({benchmark}-{name}.png)")
-    plan = Plan(**study["plan"])
+    plan = StudyPlan(**study["plan"])
     lines += [NAMED[name].markdown(table_of(table), plan).strip() for table in study["tables"]]
     if study["recordings"] != "published twin":
         raise SystemExit(f"{name} was run on recordings of somebody's own; pages are made from the shipped data.")
