@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from gyronorth.errors import InputError
 from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
+from gyronorth.simulation import simulate
 
 
 def ramp(samples: int = 100, rate_hz: float = 10.0, **facts) -> Recording:
@@ -99,3 +100,20 @@ def test_times_without_a_zone_and_in_another_zone_are_utc_afterwards():
     assert shift_utc(None, 3) is None
     with pytest.raises(InputError, match="leaves the calendar"):
         shift_utc("9999-12-31T23:59:59Z", 1e9)
+
+
+def test_every_command_chooses_the_latitude_alike():
+    """Once `heading` refused a conflict that `calibrate` and `allan` passed over, each with a latitude of its own."""
+    from gyronorth.allan import characterise
+    from gyronorth.calibration import observe
+    from gyronorth.pipeline import heading
+
+    still = simulate("isa100c", latitude=0.56, heading=1.0, duration=70, rate_hz=10, rng=np.random.default_rng(0))
+    for use in (
+        lambda latitude: heading(still, latitude=latitude),
+        lambda latitude: characterise(still, latitude=latitude),
+        lambda latitude: observe(still, latitude),
+    ):
+        use(0.5601)  # within 0.1 deg: the given one counts
+        with pytest.raises(InputError, match=r"they differ by more than 0\.1 deg"):
+            use(0.6)

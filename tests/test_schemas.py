@@ -16,7 +16,9 @@ from gyronorth.allan import characterise
 from gyronorth.calibration import calibrate
 from gyronorth.documents import DOCUMENTS
 from gyronorth.errors import InputError
+from gyronorth.live.status import Status
 from gyronorth.planning import plan
+from gyronorth.readers import describe
 from gyronorth.schemas import read_schema, schema_names
 from gyronorth.sensor.profiles import builtin_text, names
 
@@ -37,6 +39,10 @@ def output(name):
         return plan("sdc500", latitude=LATITUDE).to_json()
     if name == "allan-1":
         return characterise(recorded()).to_json()
+    if name == "info-1":
+        return describe(ROOT / "examples/data/demo.npz").to_json()
+    if name == "live-1":
+        return Status("waiting", "serial:/dev/ttyUSB0").to_json()
     assert name == "calibration-1"
     return calibrate([replace(recorded(heading=h, seed=h), session="one") for h in range(7)]).to_json()
 

@@ -134,10 +134,87 @@ class AllanDocument(TypedDict):
     notes: list[str]
 
 
+class GapDocument(TypedDict):
+    """Missing samples that were bridged."""
+
+    start: float
+    samples: int
+
+
+class NoteDocument(TypedDict):
+    """A remark of a reader; `blocking` ones want a declaration before a heading can be valid."""
+
+    code: str
+    message: str
+    value: float | None
+    limit: float | None
+    blocking: bool
+
+
+class InfoDocument(TypedDict):
+    """`gyronorth info --json`."""
+
+    source: str
+    format: str
+    topic: str | None
+    columns: list[str]
+    rate_hz: float
+    gyro_unit: str
+    accel_unit: str | None
+    axes: str
+    axes_declared: bool
+    increments: bool
+    session: str | None
+    start_time_utc: str | None
+    latitude_deg: float | None
+    heading_true_deg: float | None
+    samples: int
+    duration_s: float
+    rate_mean_deg_h: list[float]
+    rate_norm_deg_h: float
+    rate_norm_earth_rates: float
+    force_mean_m_s2: list[float] | None
+    rows_dropped: int
+    gaps: list[GapDocument]
+    notes: list[NoteDocument]
+    estimated_from: dict[str, object] | None
+
+
+class LiveState(TypedDict):
+    """What a live session says beside its heading; counters of its input follow."""
+
+    state: Literal["waiting", "running", "stopped", "ended", "failed"]
+    source: str
+    connected: bool
+    trouble: str | None
+    recording: str | None
+    recording_error: str | None
+    lines: int
+    good: int
+    garbage: int
+    implausible: int
+    strays: int
+    lost: int
+    gaps: int
+    connections: int
+    reconnects: int
+    stalls: int
+    time_jumps: int
+    restarts: int
+
+
+class LiveDocument(TypedDict):
+    """One line of `gyronorth live --json`: the fields of heading-1, once there is an estimate, and `live`."""
+
+    live: LiveState
+
+
 #: Name of a schema -> the type of its document.
 DOCUMENTS: dict[str, type] = {
     "heading-1": HeadingDocument,
     "plan-1": PlanDocument,
     "calibration-1": CalibrationDocument,
     "allan-1": AllanDocument,
+    "info-1": InfoDocument,
+    "live-1": LiveDocument,
 }
