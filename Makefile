@@ -94,7 +94,7 @@ constraints:
 
 .venv/.all: .venv/.demo
 	$(PIP) --no-build-isolation --editable ".[$(EXTRAS)]"
-	$(BIN)/python -m compileall -q -j 0 $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') || true
+	$(BIN)/python -m compileall -q -j 0 $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') > /dev/null || true
 	@touch $@
 
 clean:

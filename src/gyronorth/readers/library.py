@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
@@ -39,3 +40,21 @@ def errors_translated(name: str, what: str, cure: str = "") -> Iterator[None]:
         raise InputError(
             f"{name} cannot be read ({detail}): it is damaged, cut off, or no {what}.{f' {cure}' if cure else ''}"
         ) from None
+
+
+def check_whole(path: Path, magic: bytes, *, what: str, cut_off: str) -> None:
+    """Tell a cut file of a format that begins and ends with the same bytes from a foreign one.
+
+    Raises
+    ------
+    InputError
+        If it does not begin with `magic`, or does not end with it: then with `cut_off`, which says what is missing.
+    """
+    with path.open("rb") as file:
+        head = file.read(len(magic))
+        file.seek(max(0, path.stat().st_size - len(magic)))
+        tail = file.read()
+    if head != magic:
+        raise InputError(f"{path.name} is no {what} file: it does not begin as one.")
+    if tail != magic or path.stat().st_size < 2 * len(magic):
+        raise InputError(f"{path.name} is cut off: {cut_off}")

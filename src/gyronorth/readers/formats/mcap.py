@@ -16,7 +16,7 @@ from gyronorth.errors import InputError
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
-from gyronorth.readers.library import errors_translated, library
+from gyronorth.readers.library import check_whole, errors_translated, library
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
@@ -28,7 +28,7 @@ _MAGIC = b"\x89MCAP0\r\n"
 
 def open_mcap(path: Path, options: ReadOptions) -> Source:
     """Open an MCAP file."""
-    _check_whole(path)
+    check_whole(path, _MAGIC, what="MCAP", cut_off=f"an MCAP file ends as it begins, this one does not. {_CURE}")
     with _opened(path) as reader:
         header = reader.get_header()
         summary = reader.get_summary()
@@ -67,18 +67,6 @@ def write_mcap(outgoing: RecordingStream, path: Path) -> None:
                 writer.add_message(channel, stamp, message, stamp)  # type: ignore[arg-type]
         writer.add_metadata(SIGNATURE[1], ros_texts(outgoing))
         writer.finish()
-
-
-def _check_whole(path: Path) -> None:
-    """An MCAP file begins and ends with the same eight bytes: a cut one is told from a foreign one."""
-    with path.open("rb") as file:
-        head = file.read(len(_MAGIC))
-        file.seek(max(0, path.stat().st_size - len(_MAGIC)))
-        tail = file.read()
-    if head != _MAGIC:
-        raise InputError(f"{path.name} is no MCAP file: it does not begin as one.")
-    if tail != _MAGIC or path.stat().st_size < 2 * len(_MAGIC):
-        raise InputError(f"{path.name} is cut off: an MCAP file ends as it begins, this one does not. {_CURE}")
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.library import errors_translated, library
+from gyronorth.readers.library import check_whole, errors_translated, library
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Block, Clock, Parts, Source, blocks_of, rows_block
@@ -26,7 +26,12 @@ _MAGIC = b"PAR1"
 
 def open_parquet(path: Path, options: ReadOptions) -> Source:
     """Open a Parquet file."""
-    _check_whole(path)
+    check_whole(
+        path,
+        _MAGIC,
+        what="Parquet",
+        cut_off="a Parquet file ends in its index, which is missing. Write or copy it again.",
+    )
     with _opened(path) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
         starts = np.cumsum([0] + [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)])
@@ -74,20 +79,6 @@ def _write_group(arrow: Any, writer: Any, schema: Any, held: list[NDArray[np.flo
     held.clear()
     columns = [arrow.array(np.ascontiguousarray(column)) for column in table.T]
     writer.write_table(arrow.Table.from_arrays(columns, schema=schema), row_group_size=len(table))
-
-
-def _check_whole(path: Path) -> None:
-    """A Parquet file begins and ends with the same four bytes: a cut one is told from a foreign one."""
-    with path.open("rb") as file:
-        head = file.read(len(_MAGIC))
-        file.seek(max(0, path.stat().st_size - len(_MAGIC)))
-        tail = file.read()
-    if head != _MAGIC:
-        raise InputError(f"{path.name} is no Parquet file: it does not begin as one.")
-    if tail != _MAGIC or path.stat().st_size < 3 * len(_MAGIC):
-        raise InputError(
-            f"{path.name} is cut off: a Parquet file ends in its index, which is missing. Write or copy it again."
-        )
 
 
 @contextmanager
