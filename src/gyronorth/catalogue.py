@@ -139,6 +139,8 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
     FindingInfo("bundle_mismatch", "reason", "the network does not fit", "The recording does not fit the bundle."),
     FindingInfo("not_running", "reason", "stopped", "The live session is not running."),
+    FindingInfo("source_ended", "reason", "the source has ended", "The source of the live session has ended."),
+    FindingInfo("sigma_required", "reason", "not certain enough yet", "Sigma is larger than is required."),
     FindingInfo("stalled", "reason", "no data", "Nothing comes from the source."),
     FindingInfo("not_computed", "reason", "not computed", "The samples so far cannot be worked on."),
     FindingInfo("units_suspect", "reason", "units to be checked", "The declared units give no unit on Earth."),

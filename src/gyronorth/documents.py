@@ -184,6 +184,9 @@ class LiveState(TypedDict):
     """What a live session says beside its heading; counters of its input follow."""
 
     state: Literal["waiting", "running", "stopped", "ended", "failed"]
+    fitness: Literal["aligning", "degraded", "valid", "invalid"]
+    age_s: float | None
+    replay: bool
     source: str
     connected: bool
     trouble: str | None

@@ -103,14 +103,16 @@ class TestHeading:
 
     def test_nmea(self, rec):
         result = run("heading", rec, "--sensor", "hg9900", "--nmea")
-        hdt, status = (NMEAReader.parse(line + "\r\n") for line in result.stdout.split())
+        ths, hdt, status = (NMEAReader.parse(line + "\r\n") for line in result.stdout.split())
         assert result.exit_code == 0
         assert abs(hdt.headingT - 40) < 1
+        assert (ths.headt, ths.mi) == (hdt.headingT, "A")
         assert status.payload[0] == "A"
         refused = run("heading", rec, "--sensor", "hg9900", "--nmea", *SPOILED)
         assert refused.exit_code == 3
-        assert refused.stdout.startswith("$HEHDT,,T*")
+        assert refused.stdout.startswith("$HETHS,,V*")
         assert "$PGNRS,V," in refused.stdout
+        assert "HDT" not in refused.stdout
 
     def test_gyro_bias_is_subtracted_in_deg_per_hour(self, rec):
         _, plain = run_json("heading", rec, "--json")

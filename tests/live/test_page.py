@@ -103,9 +103,10 @@ def test_a_turned_recording_on_the_page(tmp_path, chromium):
             page.keyboard.press("s")  # the unit still stands: begin anew, so that everything is seen
             expect(page.locator("[data-verdict]")).to_contain_text("Valid", timeout=60_000)
             page.get_by_text("Data: ended").wait_for(timeout=90_000)
-            expect(page.locator("[data-verdict]")).to_have_text("✓ Valid")
+            expect(page.locator("[data-verdict]")).to_have_text("✕ Invalid: the source has ended")
             verdicts = page.evaluate("window.verdicts")
-            assert "✕ Invalid: too short" in verdicts or "… Invalid: too short" in verdicts
+            assert "✓ Valid" in verdicts
+            assert "✕ Aligning: too short" in verdicts or "… Aligning: too short" in verdicts
             heading_deg = float(page.locator("[data-heading]").inner_text().rstrip("°"))
             text = page.locator(".verdict").inner_text()
             low, high = map(float, re.search(r"95 %: ([\d.]+) to ([\d.]+)°", text).groups())  # type: ignore[union-attr]

@@ -34,8 +34,9 @@ ROWS = timed_rows(seconds(0, 40))
 
 
 def codes(status: Status) -> list[str]:
-    assert status.estimate is not None
-    return [reason.code for reason in status.estimate.reasons]
+    """Reasons that the samples give, before the end or at it."""
+    assert status.measured is not None
+    return [reason.code for reason in status.measured.reasons]
 
 
 def test_the_answer_is_that_of_the_file(tmp_path):
@@ -47,7 +48,7 @@ def test_the_answer_is_that_of_the_file(tmp_path):
     assert status.estimate.heading == pytest.approx(offline.heading, abs=1e-12)
     assert status.estimate.sigma == pytest.approx(offline.sigma, rel=1e-9)
     assert abs(status.estimate.heading - HEADING) < 3 * status.estimate.sigma
-    assert not status.current  # it is over: nothing may be steered by it
+    assert [reason.code for reason in status.estimate.reasons] == ["source_ended"]  # nothing may be steered by it
 
 
 def test_times_too_coarse_to_use_are_a_reason():
@@ -390,8 +391,13 @@ def test_json_lines_hold_the_estimate_and_the_counters(tmp_path):
     assert waiting["live"]["state"] == "waiting"
     document = json.loads(json.dumps(session_of(HEAD, ROWS, save=tmp_path / "rec.csv").status.to_json()))
     assert document["schema"] == "gyronorth.heading/1"
-    assert document["valid"] is True
-    assert (document["live"]["good"], document["live"]["state"]) == (4000, "ended")
+    assert document["valid"] is False
+    assert [reason["code"] for reason in document["reasons"]] == ["source_ended"]
+    assert (document["live"]["good"], document["live"]["state"], document["live"]["fitness"]) == (
+        4000,
+        "ended",
+        "invalid",
+    )
 
 
 @pytest.mark.slow

@@ -211,6 +211,14 @@ def parsed(line: bytes):
     return NMEAReader.parse(line, validate=1)
 
 
+def read_until(stream, start: bytes) -> list[bytes]:
+    """Lines up to the first that begins so."""
+    lines = [stream.readline()]
+    while not lines[-1].startswith(start):
+        lines.append(stream.readline())
+    return lines
+
+
 def read_lines(stream, count: int) -> list[bytes]:
     return [stream.readline() for _ in range(count)]
 
@@ -225,17 +233,17 @@ def test_nmea_over_tcp_is_invalid_until_valid(status):
             with connection, connection.makefile("rb") as stream:
                 shown[0] = Status("waiting", "here")
                 heading, verdict = read_lines(stream, 2)
-                assert parsed(heading).identity == "HEHDT"
-                assert (parsed(heading).headingT, verdict.split(b",")[1]) == ("", b"V")
+                assert (heading, verdict.split(b",")[1]) == (b"$HETHS,,V*14\r\n", b"V")
                 shown[0] = status
-                sentences = read_lines(stream, 20)
+                sentences = read_until(stream, b"$PGNRS,A,")
                 assert status.estimate is not None
+                assert [parsed(line).identity for line in sentences[-3:-1]] == ["HETHS", "HEHDT"]
                 assert parsed(sentences[-2]).headingT == round(status.estimate.to_json()["heading_deg"], 1)
-                assert sentences[-1].startswith(b"$PGNRS,A,")
+                assert (parsed(sentences[-3]).headt, parsed(sentences[-3]).mi) == (parsed(sentences[-2]).headingT, "A")
                 shown[0] = replace(status, state="ended")
-                sentences = read_lines(stream, 20)
-                assert parsed(sentences[-2]).headingT == ""
-                assert b"not_running" in sentences[-1]
+                sentences = read_until(stream, b"$PGNRS,V,")
+                assert sentences[-2] == b"$HETHS,,V*14\r\n"
+                assert b"source_ended" in sentences[-1]
     finally:
         out.close()
 
@@ -248,7 +256,7 @@ def test_nmea_over_udp(status):
         out.start()
         try:
             for _ in range(3):
-                heading, verdict = listener.recv(1000).splitlines(keepends=True)
+                _, heading, verdict = listener.recv(1000).splitlines(keepends=True)
                 assert parsed(heading).headingT == round(status.estimate.to_json()["heading_deg"], 1)
                 assert verdict.startswith(b"$PGNRS,A,")
         finally:

@@ -88,24 +88,35 @@ class TestWording:
 
 class TestNmea:
     def test_valid_heading_is_read_back(self):
-        hdt, status = nmea.sentences(VALID)
+        ths, hdt, status = nmea.sentences(VALID)
         message = NMEAReader.parse(hdt)
         assert (message.talker, message.msgID, message.headingT, message.headingTu) == ("HE", "HDT", 40.3, "T")
         assert hdt == "$HEHDT,040.3,T*28\r\n"  # checksum computed by hand
         assert NMEAReader.parse(status).payload == ["A", "040.3", "4.58", "031.3", "049.3", "mean", "0", ""]
+        assert (NMEAReader.parse(ths).headt, NMEAReader.parse(ths).mi) == (40.3, "A")
+        assert NMEAReader.parse(nmea.sentences(VALID, replay=True)[0]).mi == "S"
+
+    def test_decimals_follow_sigma(self):
+        _, hdt, status = nmea.sentences(replace(VALID, sigma=radians(0.05)))
+        assert hdt.startswith("$HEHDT,040.31,T*")
+        assert NMEAReader.parse(status).payload[1] == "040.31"
 
     def test_refused_heading_leaves_no_number_in_hdt(self):
-        hdt, status = nmea.sentences(REFUSED)
-        assert NMEAReader.parse(hdt).headingT == ""
+        ths, status = nmea.sentences(REFUSED)
+        assert (NMEAReader.parse(ths).identity, NMEAReader.parse(ths).headt, NMEAReader.parse(ths).mi) == (
+            "HETHS",
+            "",
+            "V",
+        )
         assert NMEAReader.parse(status).payload == ["V", "359.0", "4.58", "350.0", "008.0", "mean", "1", "rate_norm"]
 
     def test_unknown_heading(self):
-        hdt, status = nmea.sentences(UNKNOWN)
-        assert NMEAReader.parse(hdt).headingT == ""
+        ths, status = nmea.sentences(UNKNOWN)
+        assert NMEAReader.parse(ths).headt == ""
         assert NMEAReader.parse(status).payload[:5] == ["V", "", "", "000.0", "360.0"]
 
     def test_heading_that_rounds_to_north(self):
-        hdt, _ = nmea.sentences(replace(VALID, heading=radians(359.96)))
+        _, hdt, _ = nmea.sentences(replace(VALID, heading=radians(359.96)))
         assert hdt.startswith("$HEHDT,000.0,T*")
 
     def test_longest_sentence_and_checksum(self):

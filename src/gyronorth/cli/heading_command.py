@@ -98,7 +98,10 @@ def heading(
         Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.", rich_help_panel=OUTPUT)
     ] = None,
     nmea: Annotated[
-        bool, typer.Option("--nmea", help="Print HEHDT and a status sentence and nothing else.", rich_help_panel=OUTPUT)
+        bool,
+        typer.Option(
+            "--nmea", help="Print HETHS, HEHDT and a status sentence and nothing else.", rich_help_panel=OUTPUT
+        ),
     ] = False,
     gyro_bias: GyroBias = None,
     roll: Roll = None,

@@ -15,6 +15,7 @@ from gyronorth.cli.options import (
     OUTPUT,
     MethodName,
     SensorName,
+    degrees,
     number,
     with_reading,
 )
@@ -68,7 +69,7 @@ def live(
         str | None,
         typer.Option(
             metavar="tcp|udp:HOST:PORT",
-            help="Serve (tcp) or send (udp) HEHDT and a status sentence.",
+            help="Serve (tcp) or send (udp) HETHS, HEHDT and a status sentence.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -81,6 +82,14 @@ def live(
             rich_help_panel=OUTPUT,
         ),
     ] = 1.0,
+    require_sigma: Annotated[
+        Any,
+        typer.Option(
+            metavar="DEG",
+            parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
+            help="Give out no heading with a larger sigma.",
+        ),
+    ] = None,
     page: Annotated[
         bool,
         typer.Option(
@@ -114,7 +123,7 @@ def live(
     """Find the heading of a sensor that is still measuring, and show it.
 
     Ends with the source where there is no page, else when it is interrupted (Ctrl-C). Exit code 0: the last
-    heading is valid. 2: bad input. 3: it is not; the reasons are printed.
+    heading that was measured is valid. 2: bad input. 3: it is not; the reasons are printed.
     """
     from gyronorth.errors import InputError
     from gyronorth.live import nmea_out as nmea
@@ -133,7 +142,7 @@ def live(
     profile = None if sensor is None else read_sensor(sensor)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    session = Session(opened, LiveSettings(reading, profile, method, gyro_bias, curve, save))
+    session = Session(opened, LiveSettings(reading, profile, method, gyro_bias, curve, save, require_sigma))
     server = _page(session, host=host, port=int(port), token=token) if page else None
     out = None
     if nmea_out is not None:
@@ -230,7 +239,7 @@ def _end(session: Session, *, as_json: bool) -> int:
     if session.error is not None:
         raise session.error
     status = session.status
-    estimate = status.estimate
+    estimate = status.measured
     if as_json:
         _print(session)
     elif estimate is None and not _misunderstood(status):

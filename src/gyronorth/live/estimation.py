@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import find_spec
 from threading import Condition, Thread
@@ -31,6 +31,7 @@ class LiveEstimate:
     estimate: HeadingEstimate
     trace: Array  # (k, 4): time s, heading rad or NaN, half width of the 95 % interval rad, valid
     rate_norm: tuple[Array, Array]  # (k,) time s and norm of the mean rate rad/s
+    made: float = field(default_factory=time.monotonic)  # when
 
 
 class Estimation:
@@ -121,6 +122,8 @@ class Estimation:
             found = LiveEstimate(estimate, np.array(heading.trace, dtype=float).reshape(-1, 4), heading.rate_norm())
         except InputError as error:
             failure = str(error)
+        except Exception as error:  # a fault of ours: an old heading must not stay valid for it
+            failure = f"The estimate failed ({type(error).__name__}: {error})."
         with self._condition:
             if self._present is heading:  # else it is of a stretch that is over
                 self._done(found, failure)

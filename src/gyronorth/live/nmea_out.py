@@ -1,7 +1,7 @@
-"""NMEA 0183 out, over TCP to any number of listeners or over UDP: HEHDT and the status sentence.
+"""NMEA 0183 out, over TCP to any number of listeners or over UDP: HETHS, HEHDT and the status sentence.
 
-HEHDT carries a number only while the heading is valid and is being measured; otherwise its field is
-empty. A listener that does not keep up is left behind, and dropped if it does not catch up.
+HEHDT is sent only while the heading is valid and is being measured. A listener that does not keep up is
+left behind, and dropped if it does not catch up.
 """
 
 from __future__ import annotations
@@ -11,11 +11,10 @@ import selectors
 import socket
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from threading import Event, Thread
 
 from gyronorth.errors import InputError
-from gyronorth.findings import Finding
 from gyronorth.live.binding import bound_socket
 from gyronorth.live.status import Status
 from gyronorth.report.nmea import no_heading, sentences
@@ -50,12 +49,7 @@ def parse_target(text: str) -> Target:
 def status_sentences(status: Status) -> str:
     """What is sent of a status."""
     estimate = status.estimate
-    if estimate is None:
-        return "".join(no_heading())
-    if not status.current:
-        reason = Finding("not_running", f"The session is {status.state}.")
-        estimate = replace(estimate, reasons=(*estimate.reasons, reason))
-    return "".join(sentences(estimate))
+    return "".join(no_heading() if estimate is None else sentences(estimate, replay=status.replay))
 
 
 class NmeaOut:

@@ -16,7 +16,7 @@ from gyronorth.report.tables import Outcome
 
 def report_text(status: Status, settings: LiveSettings) -> str | None:
     """The report as one self-contained page; None before the first estimate."""
-    estimate, found = status.estimate, status.found
+    estimate, found = status.measured, status.found
     if estimate is None or found is None:
         return None
     time, heading, half_width, valid = found.trace.T

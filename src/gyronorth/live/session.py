@@ -50,6 +50,7 @@ class LiveSettings:
     gyro_bias: tuple[float, float, float] | None = None  # rad/s, body axes
     deviation: DeviationModel | None = None
     save: Path | None = None
+    require_sigma: float | None = None  # rad
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,14 @@ class Session:
     """Runs a source in threads; `status` is always the latest picture."""
 
     def __init__(self, source: ByteSource, settings: LiveSettings) -> None:
-        self.status = Status("waiting", source.name, saving=settings.save is not None)
+        self._status = Status(
+            "waiting",
+            source.name,
+            saving=settings.save is not None,
+            require_sigma=settings.require_sigma,
+            replay=not source.live,
+        )
+        self._looked = time.monotonic()  # when that was
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
         self.error: Exception | None = None  # why the session failed
         self._source, self.settings = source, settings
@@ -93,6 +101,13 @@ class Session:
         self._state = "waiting"
         self._trouble = "connecting"
         self._message = ""
+
+    @property
+    def status(self) -> Status:
+        """The latest picture, and how old it is now."""
+        status, now = self._status, time.monotonic()
+        age = None if status.found is None else now - status.found.made
+        return replace(status, age=age, unattended=now - self._looked)
 
     def start(self) -> None:
         """Start the threads."""
@@ -137,6 +152,8 @@ class Session:
             if self._recorder is not None:
                 self._recorder.close()
             self._estimation.end()
+            if self._state in ("waiting", "running"):
+                self._state = "stopped"
             self._publish()
             self.ended.set()
 
@@ -413,9 +430,9 @@ class Session:
             findings.append(Finding("stalled", message, silent, STALL))
         if self._failure:
             findings.append(Finding("not_computed", self._failure))
-        self.status = Status(
+        self._status = replace(
+            self._status,
             state=self._state,  # type: ignore[arg-type]
-            source=self._source.name,
             connected=not self._trouble,
             trouble=self._trouble,
             silent=silent,
@@ -427,9 +444,9 @@ class Session:
             findings=tuple(findings),
             marks=tuple(self._marks),
             message=self._message,
-            saving=recorder is not None,
             recording=recorder.path if recorder is not None and recorder.files else None,
             recording_bytes=0 if recorder is None else recorder.bytes,
             recording_error=None if recorder is None else recorder.error,
             heading_true=stretch.declared.heading_true if stretch else None,
         )
+        self._looked = time.monotonic()

@@ -1,8 +1,12 @@
-"""What a session shows of itself at one moment: a frozen picture that any thread may read."""
+"""What a session shows of itself at one moment: a frozen picture that any thread may read.
+
+Whether the heading may be used is decided here alone; page, JSON lines and NMEA only show it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
+from math import degrees
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +16,12 @@ from gyronorth.live.estimation import LiveEstimate
 
 #: waiting: no row has come yet. ended: the source has nothing more.
 State = Literal["waiting", "running", "stopped", "ended", "failed"]
+#: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
+Fitness = Literal["aligning", "degraded", "valid", "invalid"]
+#: A session that has not looked at its source for so long, s, answers for nothing.
+UNATTENDED = 3.0
+#: Codes that more time of standing still takes away.
+ALIGNING = frozenset({"too_short", "too_noisy"})
 
 
 @dataclass(frozen=True)
@@ -54,7 +64,11 @@ class Status:
     counters: Counters = Counters()
     last_garbage: str = ""
     found: LiveEstimate | None = None
+    age: float | None = None  # s since the estimate was made
+    unattended: float = 0.0  # s since the session last looked at its source
     findings: tuple[Finding, ...] = ()  # reasons beside those of the estimate
+    require_sigma: float | None = None  # rad; a heading that is less certain is not given out
+    replay: bool = False  # whether the samples are played back
     marks: tuple[Mark, ...] = ()
     message: str = ""  # what last happened, for people
     saving: bool = False  # whether a recording was asked for
@@ -64,17 +78,43 @@ class Status:
     heading_true: float | None = field(default=None)  # rad, when the stream states it
 
     @property
-    def estimate(self) -> HeadingEstimate | None:
-        """The latest estimate, with every reason not to use it."""
+    def measured(self) -> HeadingEstimate | None:
+        """The latest estimate as it was when it was made: what the samples say, now or before the end."""
         if self.found is None:
             return None
         estimate = self.found.estimate
-        return replace(estimate, reasons=(*estimate.reasons, *self.findings)) if self.findings else estimate
+        reasons = (*estimate.reasons, *self.findings, *_too_uncertain(estimate, self.require_sigma))
+        return replace(estimate, reasons=reasons)
 
     @property
-    def current(self) -> bool:
-        """Whether the heading is being measured now: only then may it steer anything."""
-        return self.state == "running"
+    def estimate(self) -> HeadingEstimate | None:
+        """The latest estimate with every reason not to use it now, also that nothing is measured any more."""
+        measured = self.measured
+        return measured and replace(measured, reasons=(*measured.reasons, *self._past()))
+
+    @property
+    def fitness(self) -> Fitness:
+        """What the heading is good for now."""
+        estimate = self.estimate
+        codes = set() if estimate is None else {reason.code for reason in estimate.reasons}
+        if estimate is None:
+            return "aligning" if self.state in ("waiting", "running") and not self.findings else "invalid"
+        if not codes:
+            return "valid"
+        if codes & ALIGNING and codes <= ALIGNING | {"sigma_required"}:
+            return "aligning"
+        return "degraded" if codes == {"sigma_required"} else "invalid"
+
+    def _past(self) -> tuple[Finding, ...]:
+        """Why the heading is not one of this moment."""
+        if self.state == "ended":
+            return (Finding("source_ended", "The source has ended; the heading is that of its last sample."),)
+        if self.state != "running":
+            return (Finding("not_running", f"The session is {self.state}."),)
+        if self.unattended > UNATTENDED:
+            message = f"The program has not looked at its source for {self.unattended:.0f} s."
+            return (Finding("stalled", message, self.unattended, UNATTENDED),)
+        return ()
 
     def to_json(self) -> dict[str, Any]:
         """The object of one line of `live --json`: that of `heading --json`, and `live`."""
@@ -82,6 +122,9 @@ class Status:
         document = {} if estimate is None else estimate.to_json()
         live = {
             "state": self.state,
+            "fitness": self.fitness,
+            "age_s": self.age,
+            "replay": self.replay,
             "source": self.source,
             "connected": self.connected,
             "trouble": self.trouble or None,
@@ -90,3 +133,15 @@ class Status:
             **asdict(self.counters),
         }
         return {**document, "live": live}
+
+
+def _too_uncertain(estimate: HeadingEstimate, limit: float | None) -> tuple[Finding, ...]:
+    """Whether a heading is less certain than is required; `limit` is one sigma, rad."""
+    if limit is None or (estimate.sigma is not None and estimate.sigma <= limit):
+        return ()
+    wanted = f"{degrees(limit):.3g} deg is required"
+    if estimate.sigma is None:
+        return (Finding("sigma_required", f"Sigma is not known; {wanted}.", None, degrees(limit)),)
+    sigma = degrees(estimate.sigma)
+    message = f"Sigma is {sigma:.3g} deg; {wanted}. Let the unit stand longer, or turn it by 180 deg."
+    return (Finding("sigma_required", message, sigma, degrees(limit)),)

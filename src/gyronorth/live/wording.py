@@ -26,10 +26,11 @@ def verdict_short(status: Status) -> str:
     if status.state == "failed":
         return f"stopped: {status.message}"
     if estimate is None:
-        return "invalid: too short" if status.state == "running" else "no heading yet"
+        return "aligning: too short" if status.state == "running" else "no heading yet"
     if estimate.valid:
         return "valid"
-    return "invalid: " + ", ".join(dict.fromkeys(SHORT.get(reason.code, reason.code) for reason in estimate.reasons))
+    word = status.fitness
+    return f"{word}: " + ", ".join(dict.fromkeys(SHORT.get(reason.code, reason.code) for reason in estimate.reasons))
 
 
 def verdict(status: Status) -> str:
@@ -45,6 +46,8 @@ def verdict(status: Status) -> str:
         kind, sign = ("valid", "✓") if estimate.valid else ("invalid", "✕")
         big = "---.-°" if estimate.heading is None else f"{heading_text(_deg(estimate.heading), decimals=1, width=5)}°"
         lines = _estimate_lines(estimate)
+        if status.age is not None:
+            lines.append(f"Age of the estimate: {duration_text(float(round(status.age)))}")
     text = "".join(f"<p>{escape(line)}</p>" for line in lines if line)
     return (
         f'<section class="verdict {kind}"><div><p class="mark" data-verdict>{sign} {escape(_sentence(short))}</p>'
