@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import degrees, radians
@@ -20,6 +21,7 @@ from typer.testing import CliRunner
 
 import gyronorth as gn
 from gyronorth.cli import app
+from gyronorth.live import access as access_module
 from gyronorth.live.access import COOKIE, Access, is_loopback
 from gyronorth.readers import write
 from gyronorth.simulation import Motion
@@ -149,6 +151,86 @@ def phone(page) -> None:
     page.wait_for_function(f"{colour} != '{before}'")
 
 
+STRUCK = "getComputedStyle(document.querySelector('[data-heading]')).textDecorationLine"
+
+
+@pytest.mark.slow
+def test_the_page_is_invalid_after_stop_and_end_and_when_the_server_dies(tmp_path, chromium):
+    from playwright.sync_api import expect, sync_playwright
+
+    turned_recording(tmp_path / "turned.csv")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1180, "height": 900})
+        verdict = page.locator("[data-verdict]")
+        with live(tmp_path, "turned.csv", "--speed", "5", "--sensor", "hg9900") as (url, process):
+            page.goto(url)
+            expect(verdict).to_contain_text("Valid", timeout=60_000)
+            health = page.request.get(f"{url}healthz")
+            assert (health.status, health.json()) == (200, {"ok": True, "troubles": []})
+            assert page.request.get(f"{url}api/heading").json()["valid"] is True
+            page.keyboard.press("t")
+            expect(verdict).to_have_text("✕ Invalid: stopped", timeout=60_000)
+            assert page.evaluate(STRUCK) == "line-through"
+            health = page.request.get(f"{url}healthz")
+            assert (health.status, health.json()["ok"]) == (503, False)
+            assert page.request.get(f"{url}api/heading").json()["valid"] is False
+            page.keyboard.press("s")
+            expect(verdict).to_have_text("✓ Valid", timeout=60_000)
+            process.kill()
+            expect(verdict).to_contain_text("Invalid: no news from the instrument", timeout=30_000)
+            assert page.evaluate(STRUCK) == "line-through"
+            expect(page.get_by_text("Heading: valid")).not_to_be_visible()
+            page.screenshot(path=os.environ.get("GYRONORTH_SHOT", str(tmp_path / "late.png")))
+        with live(tmp_path, "turned.csv", "--speed", "50", "--sensor", "hg9900") as (url, _):
+            page.goto(url)
+            expect(verdict).to_have_text("✕ Invalid: the source has ended", timeout=60_000)
+            page.wait_for_timeout(4000)  # it stays so
+            expect(verdict).to_have_text("✕ Invalid: the source has ended")
+        browser.close()
+
+
+@pytest.mark.slow
+def test_many_idle_connections_do_no_harm(tmp_path):
+    """1,200 to the page and 200 to the sentences: both go on to answer, and the recording goes on."""
+    import socket
+    import urllib.request
+    from contextlib import ExitStack
+
+    from gyronorth.live.binding import allow_descriptors
+
+    allow_descriptors()
+    turned_recording(tmp_path / "turned.csv")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        nmea_port = free.getsockname()[1]
+    arguments = ("turned.csv", "--speed", "2", "--save", "north.csv", "--nmea-out", f"tcp:127.0.0.1:{nmea_port}")
+    with live(tmp_path, *arguments) as (url, _), ExitStack() as idle:
+        port = int(url.rstrip("/").rpartition(":")[2])
+        for target in [port] * 1200 + [nmea_port] * 200:
+            idle.enter_context(socket.create_connection(("127.0.0.1", target), timeout=30))
+        before = (tmp_path / "north.csv").stat().st_size
+        assert b"gyronorth live" in urllib.request.urlopen(url, timeout=30).read()
+        with socket.create_connection(("127.0.0.1", nmea_port), timeout=30) as listener, listener.makefile() as lines:
+            assert [next(lines).startswith("$") for _ in range(4)] == [True] * 4
+        assert (tmp_path / "north.csv").stat().st_size > before
+
+
+@pytest.mark.slow
+def test_the_recording_is_downloaded_while_it_grows(tmp_path):
+    import urllib.request
+
+    turned_recording(tmp_path / "turned.csv")
+    with live(tmp_path, "turned.csv", "--speed", "5", "--save", "north.csv") as (url, _):
+        while not (tmp_path / "north.csv").exists():
+            time.sleep(0.05)
+        for _ in range(15):
+            body = urllib.request.urlopen(f"{url}recording", timeout=30).read()
+            assert body.endswith(b"\n")
+            assert (tmp_path / "north.csv").read_bytes()[200 : len(body)] == body[200:]  # the rate is filled in before
+            time.sleep(0.1)
+
+
 @pytest.mark.slow
 def test_a_token_opens_the_page(tmp_path):
     import urllib.error
@@ -156,7 +238,7 @@ def test_a_token_opens_the_page(tmp_path):
     from http.cookiejar import CookieJar
 
     turned_recording(tmp_path / "turned.csv")
-    with live(tmp_path, "turned.csv", "--host", "0.0.0.0", "--token", "a b&c") as (url, process):
+    with live(tmp_path, "turned.csv", "--host", "0.0.0.0", "--token", "a b&c" * 4) as (url, process):
         url = url.replace("0.0.0.0", "127.0.0.1")
         with pytest.raises(urllib.error.HTTPError, match="401"):
             urllib.request.urlopen(url.partition("?")[0])
@@ -171,6 +253,9 @@ def test_a_token_opens_the_page(tmp_path):
     [
         (["--host", "0.0.0.0"], "--token"),
         (["--host", "::"], "--token"),
+        (["--host", "0.0.0.0", "--token", "password"], "easily guessed"),
+        (["--host", "0.0.0.0", "--token", "a" * 32], "easily guessed"),
+        (["--require-sigma", "0"], "positive"),
         (["--save", "no/such/rec.csv"], "does not exist"),
         (["--no-page", "--nmea-out", "tcp:1"], "--nmea-out"),
         (["--sensor", "nonesuch"], "nonesuch"),
@@ -196,11 +281,13 @@ def test_a_replay_without_a_page_prints_json_lines_and_ends(tmp_path):
     assert (last["live"]["state"], last["live"]["good"]) == ("ended", 10000)
 
 
-def asked(access: Access, *, headers: dict[str, str], query: str = "", kind: str = "http") -> list[dict]:
+def asked(
+    access: Access, *, headers: dict[str, str], query: str = "", kind: str = "http", path: str = "/x"
+) -> list[dict]:
     """What is sent when a request comes."""
     sent: list[dict] = []
     raw = [(name.encode(), value.encode()) for name, value in headers.items()]
-    scope = {"type": kind, "path": "/x", "query_string": query.encode(), "headers": raw}
+    scope = {"type": kind, "path": path, "query_string": query.encode(), "headers": raw}
 
     async def receive() -> dict:
         return {"type": "websocket.connect"}
@@ -220,7 +307,7 @@ HOME = {"host": "127.0.0.1:8080"}
 
 
 def test_here_no_token_is_needed_but_another_site_is_refused():
-    access = Access(opened, token=None, loopback=True)
+    access = Access(opened, token=None, loopback=True, port=8080)
     assert asked(access, headers=HOME) == [{"type": "opened"}]
     assert asked(access, headers={**HOME, "origin": "http://127.0.0.1:8080"}) == [{"type": "opened"}]
     assert asked(access, headers={**HOME, "origin": "http://evil.example"})[0]["status"] == 403
@@ -229,9 +316,10 @@ def test_here_no_token_is_needed_but_another_site_is_refused():
     assert socket == [{"type": "websocket.close", "code": 1008}]
 
 
-def test_elsewhere_a_token_is_needed_once():
-    access = Access(opened, token="secret", loopback=False)
+def test_elsewhere_a_token_is_needed_once(monkeypatch):
+    access = Access(opened, token="secret", loopback=False, port=8080)
     there = {"host": "north.local:8080"}
+    monkeypatch.setattr(access_module, "DELAY", 0.0)
     for query in ("", "token=", "token=wrong", "token=secre"):
         assert asked(access, headers=there, query=query)[0]["status"] == 401
     assert asked(access, headers=there, kind="websocket")[0]["code"] == 1008
@@ -239,13 +327,54 @@ def test_elsewhere_a_token_is_needed_once():
     headers = dict(first["headers"])
     assert (first["status"], headers[b"location"]) == (303, b"/x?a=b")
     cookie = headers[b"set-cookie"].decode().partition(";")[0]
-    assert cookie.startswith(f"{COOKIE}=")
+    assert cookie.startswith(f"{COOKIE}_8080=")
     assert "secret" not in cookie
     assert b"HttpOnly" in headers[b"set-cookie"]
     for kind in ("http", "websocket"):
         assert asked(access, headers={**there, "cookie": cookie}, kind=kind) == [{"type": "opened"}]
-    other = Access(opened, token="secret", loopback=False)
+    other = Access(opened, token="secret", loopback=False, port=8080)
     assert asked(other, headers={**there, "cookie": cookie})[0]["status"] == 401  # of another run
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [{"host": "[::1"}, {"host": "127.0.0.1:x"}, {"host": ""}, {}, {"host": "a@127.0.0.1"}, {"host": "127.0.0.1 x"}],
+)
+def test_an_odd_host_is_bad_request(odd):
+    assert asked(Access(opened, token=None, loopback=True, port=8080), headers=odd)[0]["status"] == 400
+
+
+def test_an_odd_origin_is_bad_request():
+    access = Access(opened, token=None, loopback=True, port=8080)
+    assert asked(access, headers={**HOME, "origin": "http://[::1"})[0]["status"] == 400
+
+
+@pytest.mark.parametrize("path", ["//evil.example/x", "/\\evil.example", "/\\/evil.example", "///evil.example"])
+def test_the_token_leads_to_no_other_site(path):
+    access = Access(opened, token="secret", loopback=False, port=8080)
+    answer = asked(access, headers={"host": "north.local"}, query="token=secret", path=path)[0]
+    location = dict(answer["headers"])[b"location"].decode()
+    assert answer["status"] == 303
+    assert location.startswith("/evil.example")
+
+
+def test_every_answer_tells_the_browser_to_be_careful():
+    async def page(scope, receive, send) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"x", b"y")]})
+
+    for access, headers in (
+        (Access(page, token=None, loopback=True, port=1), HOME),
+        (Access(page, token="s", loopback=False, port=1), HOME),
+    ):
+        sent = dict(asked(access, headers=headers)[0]["headers"])
+        assert b"frame-ancestors 'none'" in sent[b"content-security-policy"]
+        assert (sent[b"x-content-type-options"], sent[b"referrer-policy"]) == (b"nosniff", b"no-referrer")
+
+
+def test_many_wrong_tokens_are_turned_away(monkeypatch):
+    monkeypatch.setattr(access_module, "MOST_WAITING", 0)
+    access = Access(opened, token="secret", loopback=False, port=8080)
+    assert asked(access, headers={"host": "north.local"}, query="token=wrong")[0]["status"] == 429
 
 
 @pytest.mark.parametrize(

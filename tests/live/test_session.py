@@ -23,6 +23,7 @@ from gyronorth.live import session as session_module
 from gyronorth.live.events import Connected, Lost
 from gyronorth.live.lines import LineReader
 from gyronorth.live.recorder import Recorder, check_place
+from gyronorth.live.reporting import write_report
 from gyronorth.live.session import LiveSettings, Session
 from gyronorth.live.status import Status
 from gyronorth.live.stretch import Stretch
@@ -47,6 +48,8 @@ def test_the_answer_is_that_of_the_file(tmp_path):
     assert status.estimate is not None
     assert status.estimate.heading == pytest.approx(offline.heading, abs=1e-12)
     assert status.estimate.sigma == pytest.approx(offline.sigma, rel=1e-9)
+    assert status.estimate.heading is not None
+    assert status.estimate.sigma is not None
     assert abs(status.estimate.heading - HEADING) < 3 * status.estimate.sigma
     assert [reason.code for reason in status.estimate.reasons] == ["source_ended"]  # nothing may be steered by it
 
@@ -56,6 +59,7 @@ def test_times_too_coarse_to_use_are_a_reason():
     status = session_of(HEAD, timed_rows(np.floor(seconds(0, 40) * RATE_HZ / 10) / RATE_HZ * 10)).status
     assert status.counters.strays > 3000
     assert "gaps" in codes(status)
+    assert status.estimate is not None
     assert "too coarse" in next(reason.message for reason in status.estimate.reasons if reason.code == "gaps")
 
 
@@ -340,6 +344,46 @@ def test_a_full_disk_is_shown_and_the_heading_goes_on(tmp_path, monkeypatch):
     assert (tmp_path / "rec.csv").stat().st_size == 200_000
     recording = gn.read(tmp_path / "rec.csv")  # the last row is cut off
     assert 1000 < len(recording.gyro_b) < 4000
+
+
+def test_after_a_full_disk_the_recording_goes_on_in_a_new_file(tmp_path, monkeypatch):
+    full, write = [False], os.write
+
+    def writing(descriptor: int, data: memoryview) -> int:
+        if full[0] and descriptor > 2 and os.readlink(f"/proc/self/fd/{descriptor}").endswith(".csv"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(descriptor, data)
+
+    monkeypatch.setattr("gyronorth.live.recorder.os.write", writing)
+    monkeypatch.setattr("gyronorth.live.recorder.RETRY_INTERVAL", 0.0)
+    filled, emptied = (lambda: full.__setitem__(0, True)), (lambda: full.__setitem__(0, False))
+    session = session_of(
+        HEAD, ROWS[:1000], 0.5, filled, ROWS[1000:2000], 0.5, emptied, ROWS[2000:], save=tmp_path / "rec.csv"
+    )
+    assert session.status.recording == tmp_path / "rec.2.csv"
+    assert rows_in(tmp_path / "rec.csv", tmp_path / "rec.2.csv") == ROWS[:1000] + ROWS[2000:]
+    assert "No space left" in (session.status.recording_error or "")
+    assert "1000 rows are missing" in (session.status.recording_error or "")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rec.2.csv", "rec.csv"]
+    assert gn.read(tmp_path / "rec.2.csv").duration == pytest.approx(20)
+
+
+def test_a_removed_recording_is_told_and_goes_on_in_a_new_file(tmp_path, monkeypatch):
+    monkeypatch.setattr("gyronorth.live.recorder.RETRY_INTERVAL", 0.0)
+
+    def remove() -> None:
+        (tmp_path / "rec.csv").unlink()
+
+    session = session_of(HEAD, ROWS[:1000], 1.0, remove, 1.5, ROWS[1000:], save=tmp_path / "rec.csv")
+    assert "removed" in (session.status.recording_error or "")
+    assert rows_in(tmp_path / "rec.csv") == ROWS[1000:]
+
+
+def test_a_report_is_written_over_no_other_file(tmp_path):
+    (tmp_path / "rec.html").write_text("mine")
+    session = session_of(HEAD, ROWS, save=tmp_path / "rec.csv")
+    assert write_report(session.status, session.settings) == tmp_path / "rec-2.html"
+    assert (tmp_path / "rec.html").read_text() == "mine"
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from threading import Event, Thread
+from typing import Any
 
 import pytest
 from live_stream import HEAD, seconds, session_of, timed_rows
@@ -207,7 +208,7 @@ def status() -> Status:
     return replace(session_of(HEAD, ROWS).status, state="running")
 
 
-def parsed(line: bytes):
+def parsed(line: bytes) -> Any:
     return NMEAReader.parse(line, validate=1)
 
 

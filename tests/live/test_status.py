@@ -32,7 +32,9 @@ def check_one_verdict(status: Status) -> bool:
     assert document.get("valid", False) is valid
     assert document["live"]["fitness"] == status.fitness
     assert (status.fitness == "valid") is valid
-    sentences: list[Any] = [NMEAReader.parse(line + "\r\n") for line in status_sentences(status).splitlines()]
+    sentences: list[Any] = [
+        NMEAReader.parse(line) for line in status_sentences(status).encode().splitlines(keepends=True)
+    ]
     identities = [sentence.identity for sentence in sentences[:-1]]
     assert identities == (["HETHS", "HEHDT"] if valid else ["HETHS"])
     assert sentences[0].mi == (("S" if status.replay else "A") if valid else "V")

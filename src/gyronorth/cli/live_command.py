@@ -127,6 +127,7 @@ def live(
     """
     from gyronorth.errors import InputError
     from gyronorth.live import nmea_out as nmea
+    from gyronorth.live.binding import allow_descriptors
     from gyronorth.live.recorder import check_place
     from gyronorth.live.session import LiveSettings, Session
     from gyronorth.live.sources import open_source
@@ -134,6 +135,7 @@ def live(
 
     if save is not None:
         check_place(save)
+    allow_descriptors()
     opened = open_source(source, reading, speed=speed)
     if reading.latitude is None and source.startswith(("tcp:", "udp:", "serial:")):
         raise InputError(

@@ -1,22 +1,39 @@
 """Who may open the page: anyone on this machine, and elsewhere whoever knows the token.
 
 Every request and every web socket passes here. The token comes once in the address,
-`?token=...`, and is then a cookie; it is compared in constant time.
+`?token=...`, and is then a cookie; it is compared in constant time, and wrong ones wait.
 """
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import hmac
 import ipaddress
 import secrets
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
 from gyronorth.errors import InputError
 
 COOKIE = "gyronorth_live"
+#: A token has at least so many characters: 64 bits, where each is one of 16.
+SHORTEST = 16
+#: An answer to a wrong token takes so long, s, and so many of them wait at a time; more are turned away.
+DELAY, MOST_WAITING = 1.0, 20
+#: What browsers are told with every answer. The page's own library writes scripts and styles into the page.
+HEADERS = (
+    (
+        b"content-security-policy",
+        b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+        b"img-src 'self' data:; font-src 'self' data:; connect-src 'self'; object-src 'none'; base-uri 'self'; "
+        b"form-action 'none'; frame-ancestors 'none'",
+    ),
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+)
 _REFUSED = (
     "<!DOCTYPE html><html lang=en><meta name=viewport content='width=device-width'><title>gyronorth live</title>"
     "<body style='font:1rem/1.5 system-ui;margin:2rem'><h1>401: a token is needed</h1>"
@@ -38,8 +55,13 @@ def check_access(host: str, token: str | None) -> None:
     Raises
     ------
     InputError
-        If the page could be reached from elsewhere and there is no token.
+        If the page could be reached from elsewhere and there is no token, or a token is easily guessed.
     """
+    if token and (len(token) < SHORTEST or len(set(token)) < SHORTEST // 4):
+        raise InputError(
+            f"The token is too easily guessed: {SHORTEST} characters or more are needed, and not a few over and over. "
+            'Example: --token "$(openssl rand -hex 16)".'
+        )
     if not is_loopback(host) and not token:
         raise InputError(
             f"--host {host}: the page could be reached from other machines. Pass --token TEXT (or set "
@@ -48,10 +70,12 @@ def check_access(host: str, token: str | None) -> None:
 
 
 class Access:
-    """ASGI middleware that lets through what may pass."""
+    """ASGI middleware that lets through what may pass; `port` keeps the cookies of two pages of a machine apart."""
 
-    def __init__(self, app: Any, *, token: str | None, loopback: bool) -> None:
+    def __init__(self, app: Any, *, token: str | None, loopback: bool, port: int) -> None:
         self._app, self._token, self._loopback = app, token, loopback
+        self._cookie_name = f"{COOKIE}_{port}"
+        self._refused = 0  # wrong tokens that are being answered
         # Not the token itself: a cookie of one run is of no use in the next.
         self._cookie = secrets.token_urlsafe(32)
 
@@ -60,10 +84,16 @@ class Access:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
+        send = _with_headers(send)
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        if not self._same_site(headers):
+        try:
+            same_site = self._same_site(headers)
+        except ValueError:  # a Host or Origin that is no address
+            await _refuse(scope, receive, send, 400, "<h1>400: no such address</h1>")
+            return
+        if not same_site:
             await _refuse(scope, receive, send, 403, "<h1>403: another site</h1>")
-        elif self._token is None or _equal(_cookie(headers), self._cookie):
+        elif self._token is None or _equal(_cookie(headers, self._cookie_name), self._cookie):
             await self._app(scope, receive, send)
         else:
             await self._without_cookie(scope, receive, send)
@@ -72,18 +102,39 @@ class Access:
         query = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)
         given = next((value for name, value in query if name == "token"), "")
         if scope["type"] == "websocket" or not _equal(given, self._token or ""):
-            await _refuse(scope, receive, send, 401, _REFUSED)
+            if given:
+                await self._wrong_token(scope, receive, send)
+            else:
+                await _refuse(scope, receive, send, 401, _REFUSED)
             return
         rest = urlencode([(name, value) for name, value in query if name != "token"])
-        target = scope["path"] + (f"?{rest}" if rest else "")
-        cookie = f"{COOKIE}={self._cookie}; Path=/; HttpOnly; SameSite=Lax"
-        headers = [(b"location", target.encode("latin-1", "replace")), (b"set-cookie", cookie.encode())]
+        # One slash: a browser takes //name for another site, and a backslash for a slash.
+        path = "/" + quote(scope["path"].lstrip("/\\"), safe="/")
+        target = path + (f"?{rest}" if rest else "")
+        cookie = f"{self._cookie_name}={self._cookie}; Path=/; HttpOnly; SameSite=Lax"
+        headers = [(b"location", target.encode("ascii")), (b"set-cookie", cookie.encode())]
         await _answer(send, 303, headers, b"")
+
+    async def _wrong_token(self, scope: Any, receive: Any, send: Any) -> None:
+        """Answer late, so that tokens cannot be tried by the thousand."""
+        if self._refused >= MOST_WAITING:
+            await _refuse(scope, receive, send, 429, "<h1>429: too many wrong tokens</h1>")
+            return
+        self._refused += 1
+        try:
+            await asyncio.sleep(DELAY)
+        finally:
+            self._refused -= 1
+        await _refuse(scope, receive, send, 401, _REFUSED)
 
     def _same_site(self, headers: dict[str, str]) -> bool:
         """Not asked by the page of another site, nor under a name that points here from elsewhere."""
         host = headers.get("host", "")
-        if self._loopback and not is_loopback(urlsplit(f"//{host}").hostname or ""):
+        parts = urlsplit(f"//{host}")
+        if not parts.hostname or parts.netloc != host or "@" in host or any(c.isspace() for c in host):
+            raise ValueError("Host is no address")
+        _ = parts.port  # ValueError where it is no number
+        if self._loopback and not is_loopback(parts.hostname):
             return False
         origin = headers.get("origin")
         return origin is None or urlsplit(origin).netloc == host
@@ -95,12 +146,21 @@ def _equal(given: str, wanted: str) -> bool:
     return hmac.compare_digest(*digests)
 
 
-def _cookie(headers: dict[str, str]) -> str:
+def _cookie(headers: dict[str, str], name: str) -> str:
     try:
-        morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        morsel = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return ""
     return morsel.value if morsel else ""
+
+
+def _with_headers(send: Any) -> Any:
+    async def sending(message: Any) -> None:
+        if message["type"] == "http.response.start":
+            message = {**message, "headers": [*message.get("headers", ()), *HEADERS]}
+        await send(message)
+
+    return sending
 
 
 async def _refuse(scope: Any, receive: Any, send: Any, code: int, text: str) -> None:

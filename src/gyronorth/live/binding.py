@@ -3,6 +3,21 @@
 from __future__ import annotations
 
 import socket
+from contextlib import suppress
+
+#: Files and connections that may be open at a time, where the system allows so many.
+DESCRIPTORS = 8192
+
+
+def allow_descriptors() -> None:
+    """Raise the limit of open connections, so that many idle ones leave room for the recording."""
+    with suppress(ImportError, ValueError, OSError):  # not on every system
+        import resource
+
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        wanted = DESCRIPTORS if hard == resource.RLIM_INFINITY else min(DESCRIPTORS, hard)
+        if soft < wanted:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
 def bound_socket(host: str, port: int, kind: socket.SocketKind, *, receive: int | None = None) -> socket.socket:

@@ -21,6 +21,10 @@ from gyronorth.report.nmea import no_heading, sentences
 
 #: Bytes that may wait for a slow listener; it is dropped beyond.
 PATIENCE = 64_000
+#: Programs that may listen at a time; more are turned away.
+MOST_LISTENERS = 2000
+#: After an accept that failed, s.
+PAUSE = 0.1
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,13 @@ class NmeaOut:
     def _welcome(self) -> None:
         try:
             client, _ = self._socket.accept()
-        except OSError:
+        except BlockingIOError:
+            return
+        except OSError:  # no descriptor is left: the connection stays waiting, and is not asked for at once
+            self._stop.wait(PAUSE)
+            return
+        if len(self._clients) >= MOST_LISTENERS:
+            client.close()
             return
         client.setblocking(False)
         self._clients[client] = b""

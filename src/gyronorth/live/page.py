@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from functools import partial
 from html import escape
@@ -23,7 +24,7 @@ SHOWN_AFTER = 0.3
 RECORDING_URL, REPORT_URL = "/recording", "/report"
 #: Key -> what it does, as the page says it.
 KEYS = {"s": "start", "t": "stop", "m": "mark", "v": "save", "d": "light or dark"}
-STYLE = Path(__file__).with_name("page.css")
+STYLE, SCRIPT = (Path(__file__).with_name(name) for name in ("page.css", "page.js"))
 
 
 def build(session: Session) -> None:
@@ -53,11 +54,14 @@ def build(session: Session) -> None:
             pictures.append(_Picture(_titled("What came", wording.counters), session))
         keys = ", ".join(f"<kbd>{key}</kbd> {name}" for key, name in KEYS.items())
         ui.html(f'<p class="faint">Keys: {keys}.</p>', sanitize=False)
+    beat = ui.html(sanitize=False).classes("unseen").props("data-beat aria-hidden=true")
+    ui.add_body_html(f"<script>{SCRIPT.read_text(encoding='utf-8')}</script>")
     ui.keyboard(on_key=actions.key, ignore=["input", "textarea"], repeating=False)
 
     def redraw() -> None:
         for picture in pictures:
             picture.redraw()
+        beat.set_content(f"{time.monotonic():.1f}")
         text = escape(wording.verdict_short(session.status))
         if said.content != text:
             said.set_content(text)

@@ -7,8 +7,10 @@ Each stretch has a file of its own: rec.csv, rec.2.csv, ...; a file that exists 
 
 from __future__ import annotations
 
+import errno
 import os
 import time
+from contextlib import suppress
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -24,6 +26,8 @@ from gyronorth.readers.formats.csv import LIVE_FORMAT, MARK
 
 #: Lines reach the disk itself at least so often, s.
 SYNC_INTERVAL = 0.5
+#: After a failure, a new file is tried for so often, s.
+RETRY_INTERVAL = 2.0
 #: Room in the head of the file for the rate, which is known only later where it is measured.
 _RATE_WIDTH = 40
 
@@ -33,32 +37,57 @@ class Recorder:
 
     def __init__(self, path: Path) -> None:
         self.path = path  # of the file that is written, or will be next
-        self.error: str | None = None  # why nothing is written any more
+        self.failure: str | None = None  # why nothing is written now
+        self.lost = 0  # rows that could not be written
         self.bytes = 0  # of the present file
         self.files: list[Path] = []
         self._wanted = path
         self._descriptor: int | None = None
         self._rate_offset: int | None = None
-        self._synced = 0.0
+        self._head: bytes | None = None  # of the present stretch
+        self._first_failure = ""
+        self._synced = self._failed = 0.0
+
+    @property
+    def error(self) -> str | None:
+        """What the recording lacks, or why nothing is written now; None where it is whole."""
+        if self.failure is not None:
+            return f"{self.failure}. {self.lost} rows are missing so far; it is tried again."
+        if self._first_failure:
+            return f"{self._first_failure}. {self.lost} rows are missing; it goes on in {self.path.name}."
+        return None
 
     def begin(self, stretch: Stretch, source: str, *, start_time_utc: str | None) -> None:
         """Close the present file and begin the next."""
         self.close()
-        head, rate_offset = _head(stretch, source, start_time_utc)
+        self._head, self._rate_offset = _head(stretch, source, start_time_utc)
+        self._open()
+
+    def _open(self) -> None:
+        """A new file with the head of the stretch."""
+        assert self._head is not None
         try:
             self.path, self._descriptor = _new_file(self._wanted)
         except OSError as error:
             self._fail(error)
             return
+        self.bytes, self.failure = 0, None
+        self._write(self._head)
+        if self._descriptor is None:  # a file with half a head is of no use
+            with suppress(OSError):
+                self.path.unlink()
+            return
         self.files.append(self.path)
-        self.bytes, self._rate_offset = 0, rate_offset
-        self._write(head)
         self.sync(now=True)
 
     def rows(self, rows: LiveRows) -> None:
-        """Append good rows."""
-        if len(rows):
-            self._write(b"\n".join(rows.lines) + b"\n")
+        """Append good rows; after a failure to a new file, as soon as there can be one."""
+        if len(rows) == 0:
+            return
+        if self._descriptor is None and self._head is not None and time.monotonic() - self._failed > RETRY_INTERVAL:
+            self._open()
+        if self._descriptor is None or not self._write(b"\n".join(rows.lines) + b"\n"):
+            self.lost += len(rows)
 
     def mark(self, text: str) -> None:
         """Append a comment line that marks this moment."""
@@ -66,13 +95,17 @@ class Recorder:
 
     def rate(self, rate_hz: float) -> None:
         """Fill in the rate in the head of the file, once it has been measured."""
-        if self._descriptor is None or self._rate_offset is None:
+        offset, self._rate_offset = self._rate_offset, None
+        if offset is None or self._head is None:
+            return
+        line = _rate_line(rate_hz)
+        self._head = self._head[:offset] + line + self._head[offset + len(line) :]
+        if self._descriptor is None:
             return
         try:
-            os.pwrite(self._descriptor, _rate_line(rate_hz), self._rate_offset)
+            os.pwrite(self._descriptor, line, offset)
         except OSError as error:
             self._fail(error)
-        self._rate_offset = None
 
     def sync(self, *, now: bool = False) -> None:
         """Bring what is written to the disk itself, where that was not done lately."""
@@ -80,6 +113,8 @@ class Recorder:
             return
         try:
             os.fsync(self._descriptor)
+            if os.fstat(self._descriptor).st_nlink == 0:
+                raise FileNotFoundError(errno.ENOENT, "the file was removed")
         except OSError as error:
             self._fail(error)
         self._synced = time.monotonic()
@@ -89,22 +124,26 @@ class Recorder:
         self.sync(now=True)
         if self._descriptor is not None:
             os.close(self._descriptor)
-        self._descriptor = None
+        self._descriptor, self._head = None, None
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes) -> bool:
+        """Whether all of it was written."""
         if self._descriptor is None:
-            return
+            return False
         view = memoryview(data)
         try:
             while view:
                 view = view[os.write(self._descriptor, view) :]
         except OSError as error:
             self._fail(error)
-            return
+            return False
         self.bytes += len(data)
+        return True
 
     def _fail(self, error: OSError) -> None:
-        self.error = f"{self.path}: {error.strerror or error}"
+        self.failure = f"{self.path}: {error.strerror or error}"
+        self._first_failure = self._first_failure or self.failure
+        self._failed = time.monotonic()
         if self._descriptor is not None:
             os.close(self._descriptor)
         self._descriptor = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from math import degrees
 from pathlib import Path
 
@@ -26,12 +27,13 @@ def report_text(status: Status, settings: LiveSettings) -> str | None:
 
 
 def report_path(recording: Path) -> Path:
-    """Where the report of a recording is written: beside it."""
-    return recording.with_suffix(".html")
+    """Where the report of a recording is written: beside it, north.html, or where that exists north-2.html, ..."""
+    paths = (recording.with_name(f"{recording.stem}{'' if n == 1 else f'-{n}'}.html") for n in count(1))
+    return next(path for path in paths if not path.exists())
 
 
 def write_report(status: Status, settings: LiveSettings) -> Path | None:
-    """Write the report beside the recording; None where there is no estimate or no recording."""
+    """Write the report beside the recording, over no other file; None where there is no estimate or no recording."""
     text = report_text(status, settings)
     if text is None or status.recording is None:
         return None

@@ -3,18 +3,53 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Iterator
+from pathlib import Path
 from threading import Thread
-from urllib.parse import urlencode
+from typing import Any
+from urllib.parse import quote, urlencode
 
 import uvicorn
 from fastapi import FastAPI
-from fastapi.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
+from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from nicegui import ui
+from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 from gyronorth.live import page
 from gyronorth.live.access import Access, is_loopback
 from gyronorth.live.reporting import report_text
 from gyronorth.live.session import Session
+from gyronorth.live.status import UNATTENDED
+
+#: For programs: whether the instrument works, and the heading as `live --json` prints it.
+HEALTH_URL, HEADING_URL = "/healthz", "/api/heading"
+#: A connection must have asked for something after so long, s; of those that have not, so many may wait.
+HEADER_TIME, MOST_WAITING = 10.0, 200
+
+
+_Http: Any = AutoHTTPProtocol  # of the two that uvicorn has, the one that is installed
+
+
+class Impatient(_Http):
+    """HTTP that closes connections which ask for nothing: the oldest where they are many, each after a while."""
+
+    def connection_made(self, transport: Any) -> None:
+        """Take a connection."""
+        super().connection_made(transport)
+        self.opened = self.loop.time()
+        waiting = [other for other in self.connections if isinstance(other, Impatient) and other.asks_nothing]
+        if len(waiting) > MOST_WAITING:
+            min(waiting, key=lambda other: other.opened).transport.close()
+        self.loop.call_later(HEADER_TIME, self._look)
+
+    @property
+    def asks_nothing(self) -> bool:
+        """Whether no request has come whole; a web socket has a protocol of its own by then."""
+        return self.cycle is None and self.transport.get_protocol() is self
+
+    def _look(self) -> None:
+        if not self.transport.is_closing() and self.asks_nothing:
+            self.transport.close()
 
 
 class PageServer:
@@ -27,10 +62,11 @@ class PageServer:
         self.url = f"http://{shown}:{self._socket.getsockname()[1]}{query}"
         app = _application(session)
         config = uvicorn.Config(
-            Access(app, token=token or None, loopback=is_loopback(host)),
+            Access(app, token=token or None, loopback=is_loopback(host), port=self._socket.getsockname()[1]),
             log_level="warning",
             access_log=False,
             timeout_graceful_shutdown=1,
+            http=Impatient,
         )
         self._server = uvicorn.Server(config)
         self._thread = Thread(target=self._server.run, args=([self._socket],), name="page", daemon=True)
@@ -60,7 +96,11 @@ def _application(session: Session) -> FastAPI:
         if path is None or not path.is_file():
             why = "no good row has come yet" if session.status.saving else "start with --save FILE.csv"
             return PlainTextResponse(f"There is no recording: {why}.", status_code=404)
-        return FileResponse(path, filename=path.name, media_type="text/csv")
+        return StreamingResponse(
+            _whole_lines(path),
+            media_type="text/csv",
+            headers={"content-disposition": f"attachment; filename*=UTF-8''{quote(path.name)}"},
+        )
 
     @app.get(page.REPORT_URL)
     def report() -> Response:
@@ -68,6 +108,15 @@ def _application(session: Session) -> FastAPI:
         if text is None:
             return PlainTextResponse("There is no heading yet, so there is no report.", status_code=404)
         return HTMLResponse(text)
+
+    @app.get(HEALTH_URL)
+    def health() -> Response:
+        troubles = health_troubles(session)
+        return JSONResponse({"ok": not troubles, "troubles": troubles}, status_code=503 if troubles else 200)
+
+    @app.get(HEADING_URL)
+    def heading() -> Response:
+        return JSONResponse(session.status.to_json())
 
     ui.run_with(
         app,
@@ -80,3 +129,29 @@ def _application(session: Session) -> FastAPI:
         show_welcome_message=False,
     )
     return app
+
+
+def health_troubles(session: Session) -> list[str]:
+    """What keeps the instrument from working, in words; empty where nothing does."""
+    status = session.status
+    troubles = [status.trouble] if status.trouble else []
+    if status.state in ("stopped", "ended", "failed"):
+        troubles.append(f"the session is {status.state}")
+    if status.unattended > UNATTENDED:
+        troubles.append(f"the session has not looked at its source for {status.unattended:.0f} s")
+    if status.recording_error is not None:
+        troubles.append(f"the recording is incomplete: {status.recording_error}")
+    return troubles
+
+
+def _whole_lines(path: Path) -> Iterator[bytes]:
+    """The file as it is now, up to its last line end; what is appended meanwhile is left out."""
+    with path.open("rb") as file:
+        left = file.seek(0, 2)
+        file.seek(0)
+        held = b""
+        while left > 0 and (piece := file.read(min(left, 1 << 16))):
+            left -= len(piece)
+            lines, end, rest = (held + piece).rpartition(b"\n")
+            held = rest
+            yield lines + end

@@ -126,7 +126,7 @@ def _validity(status: Status) -> tuple[str, str, str, list[str]]:
 
 def _recording(status: Status) -> tuple[str, str, str, list[str]]:
     if status.recording_error is not None:
-        return "Recording", "bad", "failed", [status.recording_error]
+        return "Recording", "bad", "incomplete", [status.recording_error]
     if status.recording is None and status.saving:
         return "Recording", "off", status.state, ["The file is made with the first good row; none has come yet."]
     if status.recording is None:
