@@ -145,11 +145,19 @@ def soak(folder: Path, *, minutes: float, speed: float) -> dict[str, float | int
     player.join()
     server.close()
     print([(round(a - begun), round(b)) for a, b in memory[::4] if a > begun], file=sys.stderr)
-    return _figures(answers[-1], sent, saved, memory, share=share, settled=begun + SETTLED / speed)
+    valid = process.returncode == 0  # the command's verdict on the last heading that was measured
+    return _figures(answers[-1], sent, saved, memory, valid=valid, share=share, settled=begun + SETTLED / speed)
 
 
 def _figures(
-    last: dict, sent: Sent, saved: Path, memory: list[tuple[float, float]], *, share: float, settled: float
+    last: dict,
+    sent: Sent,
+    saved: Path,
+    memory: list[tuple[float, float]],
+    *,
+    valid: bool,
+    share: float,
+    settled: float,
 ) -> dict[str, float | int | bool]:
     kept = [line for line in saved.read_bytes().split(b"\n") if line and line[:1] not in b"#t"]
     offline = heading(read(saved), sensor=SENSOR)
@@ -172,8 +180,8 @@ def _figures(
         "heading_deg": last["heading_deg"],
         "offline_heading_deg": degrees(offline.heading),
         "difference_deg": abs((last["heading_deg"] - degrees(offline.heading) + 180) % 360 - 180),
-        "valid": last["valid"],
-        "reasons": [reason["code"] for reason in last["reasons"]],
+        "valid": valid,
+        "reasons": [reason["code"] for reason in last["reasons"] if reason["code"] != "not_running"],
     }
 
 
