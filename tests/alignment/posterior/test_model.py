@@ -13,7 +13,7 @@ from gyronorth.alignment.posterior.tones import by_periodogram, explained_by, sh
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.pipeline import heading
 from gyronorth.recording import Recording
-from gyronorth.sensor import read_sensor
+from gyronorth.sensor import TriadErrors, read_sensor
 from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation import Motion, simulate_batch
 from gyronorth.simulation.disturbance import Draw
@@ -172,13 +172,22 @@ def test_without_a_profile_noise_is_read_at_short_lags():
 def test_tones_and_bumps_are_looked_for_only_where_they_show():
     rng, samples, rate_hz = np.random.default_rng(7), 240, 2.4
     quiet = rng.normal(0, 1e-6, (200, samples, 3))
-    assert sum(shows_tones(one) for one in quiet) <= most_missed(200)
+    errors = TriadErrors(white=1e-6 / np.sqrt(rate_hz), flicker=3e-7)
+    drifting = quiet + NoiseLaw(replace(errors, white=0.0)).draw(
+        (200, samples), rate_hz, constant=np.zeros((200, 3)), rng=rng
+    )
+
+    def shows(one):
+        return shows_tones(one, rate_hz=rate_hz, errors=errors)
+
+    assert sum(shows(one) for one in quiet) <= most_missed(200)
+    assert sum(shows(one) for one in drifting) <= most_missed(200)
     time = np.arange(samples) / rate_hz
     sway = quiet[0] + 3e-6 * np.sin(2 * np.pi * 0.1 * time)[:, None]
     bumped = quiet[1].copy()
     bumped[100:103] += 1e-5
-    assert shows_tones(sway)
-    assert shows_tones(bumped)
+    assert shows(sway)
+    assert shows(bumped)
     cycles = np.arange(0.01, 0.3, 0.00125) / rate_hz
     odds, weight = by_periodogram((bumped / 1e-6).astype(np.float32), np.arange(samples, dtype=np.float32), cycles)
     assert set(np.flatnonzero(odds > 0)) == {100, 101, 102}

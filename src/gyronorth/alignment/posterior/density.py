@@ -62,14 +62,14 @@ def mixture(centre: Array, concentration: Array, weight: Array) -> Density:
     left = place.astype(int)
     share = place - left
     bins = np.round(np.log(kappa) / BIN).astype(int)
+    numbers, row = np.unique(bins, return_inverse=True)
+    size = len(numbers) * POINTS
+    lines = np.bincount(row * POINTS + left, weight * (1 - share), minlength=size)
+    lines += np.bincount(row * POINTS + left + 1, weight * share, minlength=size)
     angle = (np.arange(POINTS) - POINTS // 2) * step
-    wave = np.zeros(POINTS // 2 + 1, dtype=complex)
-    for number in np.unique(bins):
-        here = bins == number
-        lines = np.bincount(left[here], weight[here] * (1 - share[here]), minlength=POINTS)
-        lines += np.bincount(left[here] + 1, weight[here] * share[here], minlength=POINTS)
-        kernel = np.exp(np.exp(number * BIN) * (np.cos(angle) - 1))
-        wave += np.fft.rfft(lines) * np.fft.rfft(np.fft.ifftshift(kernel / kernel.sum()))
+    kernels = np.exp(np.exp(numbers * BIN)[:, None] * (np.cos(angle) - 1))
+    kernels = np.fft.ifftshift(kernels / kernels.sum(axis=1, keepdims=True), axes=1)
+    wave = np.sum(np.fft.rfft(lines.reshape(-1, POINTS), axis=1) * np.fft.rfft(kernels, axis=1), axis=0)
     return _read(np.maximum(np.fft.irfft(wave, POINTS), 0), mean, reach, step)
 
 

@@ -26,6 +26,8 @@ DRIFT_PRIOR = (0.04, 0.06, 0.78, 0.08, 0.04)
 #: Broadband motion: tilt, rad rms per axis, and correlation time over the duration.
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
+#: Where tones were fitted, broadband motion is what they leave: every second size at two of the times.
+SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
 #: Probability of broadband motion, with and without an accelerometer that would show it.
 SWAY, SWAY_UNSEEN = 0.08, 0.05
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
@@ -113,9 +115,8 @@ def law_of(
     scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
     shapes = _shapes(seconds, scale, accel=accel)
     both = block_operators(seconds, accel=accel)
-    if white is None:
-        white = both @ _white(gyro, seconds) @ both.T
-    noise = [white + _drift(gyro, factor, seconds, accel=accel) for factor in DRIFTS]
+    samples = both @ _white(gyro, seconds) @ both.T if white is None else white
+    noise = [samples + _drift(gyro, factor, seconds, accel=accel) for factor in DRIFTS]
     for own in noise:
         own[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
         own[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
@@ -126,7 +127,8 @@ def law_of(
         for own in noise:
             own[COUNT:, COUNT:] += force + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
     some = SWAY if accel else SWAY_UNSEEN
-    sways = [(0.0, 1.0), *((size, time) for size in SWAYS for time in SWAY_TIMES)]
+    sizes, lags = (SWAYS, SWAY_TIMES) if white is None else (SWAYS_LEFT, SWAY_TIMES_LEFT)
+    sways = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
     motion = [size**2 * _motion(seconds, time * duration) for size, time in sways]
     bases = [
         (own, moved, d, tilt) for d, own in enumerate(noise) for (tilt, _), moved in zip(sways, motion, strict=True)
@@ -206,6 +208,7 @@ def _walk_modes() -> Array:
     return np.sqrt(2) * np.sin(wave * time[:, None]) / wave
 
 
+@lru_cache(maxsize=64)
 def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
     duration = seconds * COUNT
     edges = np.asarray(np.arange(COUNT + 1) * seconds, dtype=float)

@@ -165,8 +165,8 @@ def _one(
     if trace is not None:
         each = float(np.log(BUMP * blocks.duration / 100 / COUNT))
         bumps += [(hit, len(hit) * each) for hit in bumped_blocks(blocks.fine_l[index])]
-    if trace is None and shows_tones(blocks.fine_l[index]):
-        fine = blocks.fine_l[index]
+    fine, gyro = blocks.fine_l[index], scales.sensor.gyro
+    if trace is None and shows_tones(fine, rate_hz=rate_hz, errors=gyro):
         explained = cleaned(
             fine, (propose() if propose else None) or by_periodogram, rate_hz=rate_hz, errors=scales.sensor.gyro
         )
@@ -177,12 +177,14 @@ def _one(
         if trace is not None:
             scaled = replace(scaled, accel=_accel(scaled, trace, blocks.seconds))
         for one in explained:
-            law_ = law_of(
-                blocks.seconds, scaled, accel=False, white=one.covariance * (scaled.gyro.white / one.white) ** 2
-            )
-            seen = weigh(law_, one.rate_l, None)
             if one.tones or one.bumped:
+                fitted = one.covariance * (scaled.gyro.white / one.white) ** 2
+                law_ = law_of(blocks.seconds, scaled, accel=False, white=fitted)
+                seen = weigh(law_, one.rate_l, None)
                 seen[0][:, law_.shapes.settles] += UNSTEADY
+            else:
+                law_ = law(blocks.seconds, scaled, accel=False)
+                seen = weigh(law_, one.rate_l, None)
             weight = float(np.log(prior)) + one.log_weight
             found.append(Weighed(law_, *seen, weight, float(white), one.tones, one.bumped / rate_hz))
         for blocks_bumped, chance in bumps if not explained else ():
@@ -235,8 +237,9 @@ def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple
     """Evidence of every base and shape over the axes `seen` (d, a): log weight, information, estimate (a, b, s)."""
     shapes, axes = known.shapes, seen.shape[1]
     white = axis.whiten @ seen  # (b, d, a)
-    u_y = np.einsum("bd,bda->ab", axis.constant, white)
-    c_y = np.einsum("bdc,bda->abc", axis.columns, white)
+    across = np.swapaxes(white, 1, 2)  # (b, a, d)
+    u_y = (across @ axis.constant[:, :, None])[..., 0].T
+    c_y = np.swapaxes(across @ axis.columns, 0, 1)
     y_y = np.sum(white**2, axis=(1, 2))
     b, s = len(axis.information), len(shapes.size)
     information = np.repeat(axis.information[:, None], s, axis=1)

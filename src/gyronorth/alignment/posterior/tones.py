@@ -18,6 +18,7 @@ from gyronorth.alignment.tones.proposals import explored
 from gyronorth.alignment.tones.search import TONE_RATE, white_of
 from gyronorth.arrays import Array, Mask
 from gyronorth.sensor import TriadErrors
+from gyronorth.sensor.law import NoiseLaw
 
 Propose = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]], tuple[Array, Array]]
 
@@ -48,13 +49,24 @@ class Cleaned:
     bumped: int  # samples
 
 
-def shows_tones(fine_l: Array) -> bool:
-    """Whether one recording (n, 3) may hold a tone or a bump: a line or a sample that stands out of white noise."""
+def shows_tones(fine_l: Array, *, rate_hz: float, errors: TriadErrors) -> bool:
+    """Whether one recording (n, 3) may hold a tone or a bump: a line or a sample that stands out of noise and drift."""
     white = white_of(fine_l)
     off = fine_l - np.median(fine_l, axis=0)
-    power = np.sum(np.abs(np.fft.rfft(off, axis=0)[2:]) ** 2, axis=1) / (len(off) * white**2)
+    # Tapered, so that a trend does not leak into the lines.
+    taper = np.hanning(len(off))[:, None]
+    power = np.sum(np.abs(np.fft.rfft(taper * off, axis=0)[2:]) ** 2, axis=1) / (np.sum(taper**2) * white**2)
+    power /= _drift_over_white(len(off), rate_hz, replace(errors, white=white / np.sqrt(rate_hz)))[2:]
     # Of white noise the power is Gamma(3), a sample's square chi-square with 3 degrees of freedom.
-    return bool(power.max() > LINE + 1.3 * np.log(len(power)) or np.sum(off**2, axis=1).max() > SAMPLE * white**2)
+    spread = max(white, 1.4826 * float(np.median(np.abs(off))))
+    return bool(power.max() > LINE + 1.3 * np.log(len(power)) or np.sum(off**2, axis=1).max() > SAMPLE * spread**2)
+
+
+def _drift_over_white(n: int, rate_hz: float, errors: TriadErrors) -> Array:
+    """Spectrum of noise and drift over that of white noise at the frequencies of `rfft`; 1 at frequency 0."""
+    f = np.fft.rfftfreq(n, 1 / rate_hz)
+    drift = NoiseLaw(replace(errors, white=0.0, quantisation=0.0)).spectrum(f[1:], rate_hz).sum(axis=-1)
+    return np.concatenate([[1.0], 1 + drift / max(errors.white**2, np.finfo(float).tiny)])
 
 
 def by_periodogram(
@@ -76,7 +88,10 @@ def by_periodogram(
 
 
 def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
-    """Blocks of one recording (q COUNT, 3) with samples that stand out of their neighbours: the worst, and more."""
+    """Blocks of one recording (q COUNT, 3) with samples that stand out of their neighbours: the worst, and more.
+
+    None where there are too many: that is motion, of which the accelerometer sees all.
+    """
     off = fine_l / white_of(fine_l)
     beside = np.median(np.stack([np.roll(off, shift, axis=0) for shift in range(-6, 7)]), axis=0)
     square = np.sum((off - beside) ** 2, axis=1)
@@ -85,6 +100,8 @@ def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
     wide = np.maximum(square, np.maximum(np.roll(square, 1), np.roll(square, -1)))
     worst = wide.reshape(COUNT, -1).max(axis=1)
     order = [int(block) for block in np.argsort(-worst) if worst[block] > BUMP_SQUARE]
+    if len(order) > BUMPED[-1]:
+        return []
     return [tuple(sorted(order[:count])) for count in BUMPED if count <= len(order)]
 
 
@@ -94,7 +111,9 @@ def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErr
     plain = explained_by(fine_l, rate_hz, white, (), None, 0.0)
     if len(fine_l) < FEWEST:
         return [plain]
-    seeking = replace(errors, white=max(errors.white, white), quantisation=0.0)
+    # In steps of a quarter octave, so that recordings of one unit share the factors of a law.
+    louder = 2 ** max(round(4 * np.log2(white / errors.white)) / 4, 0.0) if errors.white > 0 else 1.0
+    seeking = replace(errors, white=louder * errors.white or white, quantisation=0.0)
     _, lines, masked, _, models = explored(fine_l, propose, rate_hz=rate_hz, errors=seeking)
     share = models.posterior.sum(axis=0)
     found: list[Cleaned] = []
