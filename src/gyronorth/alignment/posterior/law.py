@@ -22,7 +22,7 @@ from gyronorth.sensor.law import NoiseLaw
 
 #: In-run drift over the profile's, and the prior of each.
 DRIFTS = (0.1, 0.3, 1.0, 3.0, 10.0)
-DRIFT_PRIOR = (0.04, 0.06, 0.78, 0.08, 0.04)
+DRIFT_PRIOR = (0.04, 0.06, 0.85, 0.035, 0.015)
 #: Broadband motion: tilt, rad rms per axis, and correlation time over the duration.
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
@@ -32,15 +32,15 @@ SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
 SWAY, SWAY_UNSEEN = 0.08, 0.05
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
-TILT, TILT_UNSEEN = 0.10, 0.03
+TILT, TILT_UNSEEN = 0.5, 0.03
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.05, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.4, 0.3, 0.2, 0.1)
+SETTLING, SETTLING_SIZES = 0.12, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.3, 0.3, 0.28, 0.12)
 #: Time constants up to this, s, and their share of the prior.
-FAST, FAST_SHARE = 120.0, 0.6
+FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
 WALK, WALK_SIZES, WALK_MODES = 0.02, (3.0, 10.0), 6
 #: Yaw of the platform: rms, rad, and correlation time over the duration.

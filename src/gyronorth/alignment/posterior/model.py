@@ -29,7 +29,7 @@ from gyronorth.sensor.law import NoiseLaw
 Proposer = Callable[[], Propose | None]
 #: Turn-on bias over the profile's, and its prior where the in-run drift is as the profile says.
 BIASES = np.array([0.1, 0.3, 1.0, 1.5, 2.2, 3.3, 5.0, 8.0, 12.0, 20.0])
-BIAS_PRIOR = np.array([0.01, 0.02, 0.73, 0.065, 0.055, 0.045, 0.035, 0.02, 0.01, 0.01])
+BIAS_PRIOR = np.array([0.01, 0.02, 0.83, 0.042, 0.034, 0.026, 0.018, 0.01, 0.005, 0.005])
 #: Without a profile: turn-on biases, rad/s, log-uniform up to the first size and falling as its inverse square beyond;
 #: and the prior of the in-run drift over that which equals the white noise at `CORNER`, s.
 UNKNOWN_BIASES = DEG_PER_HOUR * np.geomspace(0.003, 1000.0, 23)
@@ -42,8 +42,10 @@ TWIST = 0.1
 FAR = 12.0
 #: Bias over the profile's beyond which a mixture explains away a fault rather than a unit.
 BEYOND = 9.0
+#: Error of the vertical rate by yaw motion, rad/s, from which the vertical implies no latitude at all.
+HIDDEN = 0.2 * EARTH_RATE
 #: Explanations of tones and bumps less likely than the best by this, whatever changes slowly, are not weighed.
-NEAR = 7.0
+NEAR = 5.0
 #: Hypotheses weighed first, to know how likely one has to be.
 FEW = 100
 #: How much likelier a settling bias is in a recording with tones or bumps: they come together.
@@ -334,6 +336,8 @@ def _conclude(
             pieces.append(Piece(number, b, s, log_w, c, rate, info))
             ceiling = max(ceiling, float(log_w.max(initial=-np.inf)))
     rate_z, variance_z = _upright(pieces, found, yaws)
+    if np.sqrt(variance_z) > HIDDEN:
+        variance_z = EARTH_RATE**2
     weight: list[Array] = []
     centre: list[Array] = []
     kappa: list[Array] = []
