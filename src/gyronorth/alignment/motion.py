@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from gyronorth.arrays import Array, Mask
-from gyronorth.conditioning import GATE_SIGMA, Sway, block_means, noise_density, sway
+from gyronorth.conditioning import GATE_SIGMA, Sway, noise_density, sway
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -16,9 +15,6 @@ from gyronorth.uncertainty import rate_variance
 
 #: Least standard deviation of a mean rate, rad/s (2e-7 deg/h): keeps a record without noise finite.
 RATE_FLOOR = 1e-12
-#: Blocks in which slow change is looked for, and what its square in units of noise exceeds in a tenth of all
-#: recordings at rest (chi-square with 3 degrees of freedom): enough to ask a method that knows such a change.
-SLOW_BLOCKS, SLOW_LIMIT = 24, 6.25
 
 
 @dataclass(frozen=True)
@@ -103,34 +99,6 @@ def motion_statistics(
         tilt=np.sqrt(square),
         tilt_limit=GATE_SIGMA * np.sqrt(own_change),
     )
-
-
-def drift_detected(gyro_b: Array, *, rate_hz: float, errors: TriadErrors) -> Mask:
-    """Whether the rate may change as a bias does that settles, beyond noise and drift of the profile, shape (...).
-
-    The means of `SLOW_BLOCKS` blocks against a constant, as shapes that settle early, late, or not at all: the sum
-    of squares over the axes of each is chi-square with 3 degrees of freedom in a recording at rest.
-    """
-    size = gyro_b.shape[-2] // SLOW_BLOCKS
-    if size == 0:
-        return np.zeros(gyro_b.shape[:-2], dtype=bool)
-    seen = _slow_shapes(errors, size, rate_hz) @ block_means(gyro_b, size)[..., :SLOW_BLOCKS, :]
-    return np.asarray(np.sum(seen**2, axis=-1).max(axis=-1) > SLOW_LIMIT)
-
-
-@lru_cache(maxsize=16)
-def _slow_shapes(errors: TriadErrors, size: int, rate_hz: float) -> Array:
-    """What block means are multiplied with: unit shapes of slow change, free of a constant, in units of noise."""
-    edges = np.arange(SLOW_BLOCKS + 1) * size
-    covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
-    covariance += np.eye(SLOW_BLOCKS) * RATE_FLOOR**2
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    time = (np.arange(SLOW_BLOCKS) + 0.5) / SLOW_BLOCKS
-    shapes = whiten @ np.stack([np.ones(SLOW_BLOCKS), np.exp(-time / 0.1), np.exp(-time / 0.3), time], axis=1)
-    constant = shapes[:, 0] / np.linalg.norm(shapes[:, 0])
-    changing = shapes[:, 1:] - np.outer(constant, constant @ shapes[:, 1:])
-    changing = changing / np.linalg.norm(changing, axis=0)
-    return np.asarray(changing.T @ whiten)
 
 
 def _trend_variance(sensor: Sensor, duration: float) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -53,19 +53,6 @@ class Method(Protocol):
 
     def solve(self, problem: Problem, options: Options) -> Result:
         """What it finds of one recording; of a batch where `info.batched`."""
-        ...
-
-
-@runtime_checkable
-class Sorting(Protocol):
-    """A method that leaves some recordings of a batch to another one, which takes them at once."""
-
-    def leaves(self, problem: Problem) -> tuple[str, Mask]:
-        """Name of the other method, and the recordings left to it as they are."""
-        ...
-
-    def left(self, result: Result) -> Result:
-        """The other method's result as this one reports it."""
         ...
 
 
@@ -210,14 +197,8 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
         return [(everything, problem, unknown(problem.mean, refusals=(too_short,)))]
     if METHODS.info(name).batched:
         return [(everything, problem, method.solve(problem, options))]
-    rest, groups = everything, list[tuple[Mask, Problem, Result]]()
-    if isinstance(method, Sorting):
-        other, left = method.leaves(problem)
-        if left.any():
-            some = problem[left]
-            groups.append((left, some, method.left(METHODS[other].solve(some, Options()))))
-        rest = ~left
-    for index in np.flatnonzero(rest):
-        one, only = problem[index], np.arange(len(rest)) == index
-        groups.append((only, one, solve(name, one, options)))
+    groups: list[tuple[Mask, Problem, Result]] = []
+    for index in range(len(everything)):
+        one = problem[index]
+        groups.append((np.arange(len(everything)) == index, one, solve(name, one, options)))
     return groups

@@ -62,7 +62,7 @@ def test_it_answers_what_it_is_made_for(name):
     recording = recorded(name)
     estimate = heading(recording, sensor=SENSOR, method=name)
     assert estimate.heading is not None
-    assert estimate.method == (name if name != "auto" else "mean")
+    assert estimate.method == (name if name != "auto" else "posterior")
     off = float(angle_error(recording.heading_true, estimate.heading))
     assert abs(off) < 4 * estimate.sigma
 

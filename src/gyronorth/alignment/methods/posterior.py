@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -19,6 +20,7 @@ from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS, Options
 from gyronorth.alignment.result import Attitude, Judged, Posterior, Result
 from gyronorth.catalogue import method_info
+from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import DisturbanceFound
 from gyronorth.findings import Finding
 
@@ -28,6 +30,8 @@ from gyronorth.findings import Finding
 MOST_SCALE = 3.0
 #: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
 TOLD_SCALE, TOLD = 2.0, 0.5
+#: Variance of a mean rate by noise below which there is none, (rad/s)^2, and rate in which there is no heading, rad/s.
+NOISELESS, HOPELESS = 1e-28, 100 * EARTH_RATE
 #: Rotation about the mean attitude, rad, that an accelerometer explains to second order.
 EXPLAINED_TURN = np.radians(5.0)
 
@@ -38,9 +42,14 @@ class PosteriorMethod:
     info = method_info("posterior")
 
     def solve(self, problem: Problem, options: Options) -> Result:
-        """Heading, interval and what was inferred of one recording; the mean where it is shorter than its blocks."""
-        if problem.gyro_b.shape[-2] < COUNT:
-            return METHODS["mean"].solve(problem, options)
+        """Heading, interval and what was inferred of one recording.
+
+        The mean answers where there is nothing to weigh: fewer samples than blocks, no noise at all, or a rate so far
+        from Earth rate that it holds no heading.
+        """
+        samples, size = problem.gyro_b.shape[-2], np.linalg.norm(problem.mean.rate_l)
+        if samples < COUNT or problem.motion.white < NOISELESS or not size < HOPELESS:
+            return replace(METHODS["mean"].solve(problem, Options()), why="one pose, with nothing to weigh")
         accel_b = None if problem.accel_b is None else problem.accel_b[None]
         found = posterior(
             problem.gyro_b[None],

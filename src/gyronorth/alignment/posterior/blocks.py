@@ -17,6 +17,8 @@ from gyronorth.conditioning import block_means, decimate
 COUNT = 24
 #: Rate at which tones and bumps are looked for, Hz, and their most samples.
 FINE_RATE, FINE_SAMPLES = 3.0, 900
+#: Parts in which the yaw is looked at, and the share of its variance that one step explains where it was nudged.
+YAW_BLOCKS, NUDGED = 48, 0.9
 #: Samples beyond which second-order terms of the motion are worked out from means.
 FINE = 200_000
 
@@ -56,10 +58,11 @@ def blocks_of(
 
     Notes
     -----
-    A turn about the vertical is taken out first: in the level frame at the end, carried back by the integrated vertical
-    rate, the horizontal rate is Earth rate and the derivative of the tilt theta as the accelerometer sees it, to second
-    order (the direction of gravity obeys u' = -w x u, and the product of yaw rate and tilt goes with the frame). What
-    is left of second order is the Earth rate h in the tilted body, -theta x h; it is taken off where the tilt is seen.
+    A turn about the vertical is taken out first: in the level frame after the last lasting turn, carried there by the
+    integrated vertical rate, the horizontal rate is Earth rate and the derivative of the tilt theta as the
+    accelerometer sees it, to second order (the direction of gravity obeys u' = -w x u, and the product of yaw rate and
+    tilt goes with the frame). What is left of second order is the Earth rate h in the tilted body, -theta x h; it is
+    taken off where the tilt is seen.
     """
     r, n = gyro_b.shape[:2]
     if attitude is not None:
@@ -74,7 +77,7 @@ def blocks_of(
     small = small if size // small >= 4 else 1
     rate, step = (block_means(gyro_b, small) if small > 1 else gyro_b) @ turn, small / rate_hz
     white = density_at_short_lags(rate, step=step)
-    rate, yaw = _at_the_end(rate, step)
+    rate, yaw = _without_turn(rate, step)
     trace, gravity = None, np.full(r, np.nan)
     if accel_b is not None:
         force = (block_means(accel_b, small) if small > 1 else accel_b) @ turn
@@ -93,17 +96,37 @@ def blocks_of(
     return Blocks(means, trace, whole * step, fine, white, roll, pitch, gravity)
 
 
-def _at_the_end(rate: Array, step: float) -> tuple[Array, Array]:
-    """Rates in the level frame at the end, and the yaw (r, n) since then, rad: a nudge is no change of the Earth rate.
+def _without_turn(rate: Array, step: float) -> tuple[Array, Array]:
+    """Rates in the level frame that the unit ends in, and the yaw (r, n) from there, rad.
 
-    The yaw is the integral of the vertical rate off its median over blocks, which a turn within a block leaves alone.
+    A nudge is no change of the Earth rate. The yaw is the integral of the vertical rate off its median over blocks,
+    which a turn within a block leaves alone.
     """
     whole = max(rate.shape[1] // COUNT, 1)
     steady = np.median(block_means(rate[..., 2:], whole), axis=1)
     turn = (rate[..., 2] - steady) * step
-    yaw = np.cumsum(turn, axis=1)
-    yaw = yaw - yaw[:, -1:] - turn / 2  # in the middle of each sample
+    yaw = np.cumsum(turn, axis=1) - turn / 2  # in the middle of each sample
+    yaw = yaw - _last_yaw(block_means(yaw[..., None], max(rate.shape[1] // YAW_BLOCKS, 1))[..., 0])[:, None]
     return np.concatenate([_turned(rate[..., :2], yaw), rate[..., 2:]], axis=-1), yaw
+
+
+def _last_yaw(yaw: Array) -> Array:
+    """Yaw (r,) in which a unit ends whose yaw has the block means (r, k), rad: the mean, or that after a nudge.
+
+    It was nudged where one step explains nearly all of its variance; sway has its mean at no particular time.
+    """
+    k = yaw.shape[1]
+    count = np.arange(1, k)
+    total = np.cumsum(yaw, axis=1)
+    before, after = total[:, :-1] / count, (total[:, -1:] - total[:, :-1]) / (k - count)
+    whole = yaw.mean(axis=1)
+    gained = count * (before - whole[:, None]) ** 2 + (k - count) * (after - whole[:, None]) ** 2
+    best = np.argmax(gained, axis=1)
+    share = gained.max(axis=1) / np.maximum(np.sum((yaw - whole[:, None]) ** 2, axis=1), np.finfo(float).tiny)
+    # The block of the step itself is left out where another follows.
+    first = np.minimum(best + 2, k - 1)
+    settled = (total[:, -1] - np.take_along_axis(total, first[:, None] - 1, axis=1)[:, 0]) / (k - first)
+    return np.where(share > NUDGED, settled, whole)
 
 
 def _turned(vector: Array, yaw: Array) -> Array:

@@ -37,7 +37,7 @@ TILT, TILT_UNSEEN = 0.5, 0.03
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.12, (1.0, 3.0, 10.0, 30.0)
+SETTLING, SETTLING_SIZES = 0.1, (1.0, 3.0, 10.0, 30.0)
 SETTLING_SIZE_PRIOR = (0.3, 0.3, 0.28, 0.12)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
@@ -45,7 +45,7 @@ FAST, FAST_SHARE = 120.0, 0.4
 WALK, WALK_SIZES, WALK_MODES = 0.02, (3.0, 10.0), 6
 #: Yaw of the platform: rms, rad, and correlation time over the duration.
 YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
-YAW_TIMES = (0.04, 1.0)
+YAW_TIMES = (0.01, 0.1, 1.0)
 #: Rotation of a bump, rad.
 BUMP_ANGLE = np.radians(0.1)
 #: Points of a block at which the motion is integrated, and least noise of a mean rate, rad/s.

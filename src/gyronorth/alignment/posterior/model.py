@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from gyronorth.alignment.posterior.tones import (
 )
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
+from gyronorth.conditioning import block_means
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -33,9 +35,11 @@ BIAS_PRIOR = np.array([0.01, 0.02, 0.83, 0.042, 0.034, 0.026, 0.018, 0.01, 0.005
 #: Without a profile: turn-on biases, rad/s, log-uniform up to the first size and falling as its inverse square beyond;
 #: and the prior of the in-run drift over that which equals the white noise at `CORNER`, s.
 UNKNOWN_BIASES = DEG_PER_HOUR * np.geomspace(0.003, 1000.0, 23)
-UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 5 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
+UNKNOWN_FALL, UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 0.4, 5 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
 #: An accelerometer without a profile: least white noise, (m/s^2) sqrt(s), and turn-on bias, m/s^2.
 UNKNOWN_FORCE = (3e-6 * STANDARD_GRAVITY, 1e-3 * STANDARD_GRAVITY)
+#: Lags, in blocks, at which the accelerometer's noise is read.
+FORCE_LAGS = (1, 3)
 #: Rate about the vertical of a unit that tilts, over that about the horizontal axes.
 TWIST = 0.1
 #: Hypotheses less likely than the best by this, in the logarithm, are left out.
@@ -109,7 +113,7 @@ def scales_of(sensor: Sensor | None, white: float) -> Scales:
     noise, bias = UNKNOWN_FORCE
     gyro = TriadErrors(white=white, flicker=white / np.sqrt(CORNER))
     force = TriadErrors(white=noise, flicker=noise / np.sqrt(30.0), turn_on_bias=bias)
-    prior = 1 / (1 + (UNKNOWN_BIASES / UNKNOWN_KNEE) ** 2)
+    prior = UNKNOWN_BIASES**-UNKNOWN_FALL / (1 + (UNKNOWN_BIASES / UNKNOWN_KNEE) ** 2)
     table = np.log(prior / prior.sum()) + np.log(UNKNOWN_DRIFT)[:, None]
     return Scales(Sensor("unknown", gyro, force), False, UNKNOWN_BIASES, table)
 
@@ -156,8 +160,8 @@ def _one(
     trace = None if blocks.trace is None else blocks.trace[index]
     measured = float(blocks.white[index])
     if trace is not None:  # what is free of motion bounds the noise
-        second = np.asarray(trace[2:] - 2 * trace[1:-1] + trace[:-2], dtype=float)
-        measured = min(measured, 1.3 * float(np.mean(second**2) / blocks.seconds) ** 0.5)
+        seen = [np.mean(np.diff(block_means(trace, k), n=2, axis=0) ** 2) / (k * blocks.seconds) for k in FORCE_LAGS]
+        measured = min(measured, 1.3 * float(np.sqrt(min(seen))))
     scales = scales_of(sensor, measured)
     whites, share = white_scales(measured, scales.sensor.gyro.white, known=scales.known)
     found: list[Weighed] = []
@@ -176,8 +180,7 @@ def _one(
         explained = [one for one in explained if one.log_weight > best - NEAR]
     for white, prior in zip(whites, share, strict=True):
         scaled = replace(scales.sensor, gyro=replace(scales.sensor.gyro, white=scales.sensor.gyro.white * white))
-        if trace is not None:
-            scaled = replace(scaled, accel=_accel(scaled, trace, blocks.seconds))
+        accels = [scaled.accel] if trace is None else _accels(scaled, trace, blocks.seconds)
         for one in explained:
             if one.tones or one.bumped:
                 fitted = one.covariance * (scaled.gyro.white / one.white) ** 2
@@ -189,11 +192,12 @@ def _one(
                 seen = weigh(law_, one.rate_l, None)
             weight = float(np.log(prior)) + one.log_weight
             found.append(Weighed(law_, *seen, weight, float(white), one.tones, one.bumped / rate_hz))
-        for blocks_bumped, chance in bumps if not explained else ():
-            law_ = law(blocks.seconds, scaled, accel=trace is not None, bumped=blocks_bumped)
+        for accel, (blocks_bumped, chance) in product(accels, bumps if not explained else ()):
+            law_ = law(blocks.seconds, replace(scaled, accel=accel), accel=trace is not None, bumped=blocks_bumped)
             masked_s = len(blocks_bumped) * blocks.seconds
             seen = weigh(law_, blocks.rate_l[index], trace)
-            found.append(Weighed(law_, *seen, float(np.log(prior)) + chance, float(white), 0, masked_s))
+            weight = float(np.log(prior / len(accels))) + chance
+            found.append(Weighed(law_, *seen, weight, float(white), 0, masked_s))
     return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
 
 
@@ -205,26 +209,33 @@ def white_scales(measured: float, profile: float, *, known: bool) -> tuple[Array
     if known and abs(ratio - 1) < 0.12:
         return np.array([1.0]), np.array([1.0])
     ratio = 2 ** (round(4 * np.log2(max(ratio, 1e-3))) / 4)
-    least = 1.0 if known else ratio / 8
+    least, step = (1.0, np.sqrt(2)) if known else (ratio / 8, 2.0)
     tried = [ratio]
     while tried[-1] > 1.1 * least:
-        tried.append(max(tried[-1] / np.sqrt(2), least))
+        tried.append(max(tried[-1] / step, least))
     share = np.array([1.0, *(0.3 / max(len(tried) - 1, 1) for _ in tried[1:])])
     if known and len(tried) > 1:
         share[-1] = 1.0
     return np.array(tried), share / share.sum()
 
 
-def _accel(sensor: Sensor, trace: Array, seconds: float) -> TriadErrors:
-    """The accelerometer's errors, its white noise raised to what the integrated rate less the tilt shows."""
-    seen = float(np.mean(np.diff(trace, n=2, axis=0) ** 2))
-    white = (sensor.accel.white / STANDARD_GRAVITY) ** 2 / seconds
-    # Second differences of white noise: 1 + 4 + 1; of block means of a random walk of unit rate: 1.
-    left = seen - sensor.gyro.white**2 * seconds
-    if left < 2.2 * 6 * white or left <= 0:
-        return sensor.accel
-    factor = np.sqrt(left / 6 * seconds) * STANDARD_GRAVITY / max(sensor.accel.white, 1e-12)
-    return replace(sensor.accel, white=max(sensor.accel.white, 1e-12) * 2 ** (round(2 * np.log2(factor)) / 2))
+def _accels(sensor: Sensor, trace: Array, seconds: float) -> list[TriadErrors]:
+    """The accelerometer's errors with white noise as the integrated rate less the tilt shows it, if more, by lag.
+
+    Second differences of means over k blocks are, of white noise, 6 / k of its variance in a block, of the integrated
+    gyro noise k. Swaying at periods of a few blocks raises the shortest lag only.
+    """
+    white = max(sensor.accel.white, 1e-12)
+    found: dict[float, TriadErrors] = {}
+    for k in FORCE_LAGS:
+        seen = float(np.mean(np.diff(block_means(trace, k), n=2, axis=0) ** 2))
+        left = k * (seen - k * sensor.gyro.white**2 * seconds) / 6
+        if left < 2.2 * (white / STANDARD_GRAVITY) ** 2 / seconds:
+            factor = sensor.accel.white / white
+        else:
+            factor = 2 ** (round(2 * np.log2(np.sqrt(left * seconds) * STANDARD_GRAVITY / white)) / 2)
+        found[factor] = replace(sensor.accel, white=factor * white)
+    return list(found.values())
 
 
 def weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, Array, Array, Array, Array, Array]:
@@ -245,7 +256,7 @@ def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple
     y_y = np.sum(white**2, axis=(1, 2))
     b, s = len(axis.information), len(shapes.size)
     information = np.repeat(axis.information[:, None], s, axis=1)
-    product = np.repeat(u_y[:, :, None], s, axis=2)
+    projected = np.repeat(u_y[:, :, None], s, axis=2)
     residual = np.repeat(y_y[:, None], s, axis=1)
     log_det = np.zeros((b, s))
     one = np.flatnonzero(shapes.column >= 0)
@@ -253,7 +264,7 @@ def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple
     pivot = 1 + square * axis.square[:, column]
     gain = square / pivot
     information[:, one] -= gain * axis.cross[:, column] ** 2
-    product[:, :, one] -= gain * axis.cross[:, column] * c_y[:, :, column]
+    projected[:, :, one] -= gain * axis.cross[:, column] * c_y[:, :, column]
     residual[:, one] -= gain * np.sum(c_y[:, :, column] ** 2, axis=0)
     log_det[:, one] = np.log(pivot)
     u_m, m_y = np.einsum("bd,bdm->bm", axis.constant, axis.walk), np.einsum("bdm,bda->bma", axis.walk, white)
@@ -262,11 +273,11 @@ def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple
         both = np.concatenate([u_m[:, :, None], m_y], axis=2)
         solved = np.asarray(np.linalg.solve(inner, both), dtype=float) * shapes.size[number] ** 2
         information[:, number] -= np.sum(u_m * solved[:, :, 0], axis=1)
-        product[:, :, number] -= np.einsum("bm,bma->ab", u_m, solved[:, :, 1:])
+        projected[:, :, number] -= np.einsum("bm,bma->ab", u_m, solved[:, :, 1:])
         residual[:, number] -= np.sum(m_y * solved[:, :, 1:], axis=(1, 2))
         log_det[:, number] = np.linalg.slogdet(inner)[1]
-    estimate = product / information
-    residual = residual - np.sum(product * estimate, axis=0)
+    estimate = projected / information
+    residual = residual - np.sum(projected * estimate, axis=0)
     log_weight = -axes * (axis.half_log_det[:, None] + 0.5 * log_det + 0.5 * np.log(information)) - 0.5 * residual
     return log_weight, information, estimate
 
