@@ -22,6 +22,7 @@ from gyronorth.cli.options import (
     MethodName,
     Pitch,
     Plot,
+    RequireSigma,
     Roll,
     SensorName,
     angles,
@@ -59,6 +60,7 @@ class Request:
     model: Path | None = None  # bundle
     turn_angles: tuple[float, ...] | None = None  # rad
     deviation: DeviationModel | None = None
+    require_sigma: float | None = None  # rad
 
     def read(self, path: Path, progress: Callable[[float], None] | None = None) -> Recording:
         """The recording, less its known bias."""
@@ -80,6 +82,7 @@ class Request:
             attitude=self.attitude,
             turn_angles=self.turn_angles,
             deviation=self.deviation,
+            require_sigma=self.require_sigma,
         )
 
 
@@ -120,6 +123,7 @@ def heading(
     ] = None,
     deviation: Deviation = None,
     any_session: AnySession = False,
+    require_sigma: RequireSigma = None,
     *,
     reading: ReadOptions,
 ) -> int:
@@ -147,7 +151,7 @@ def heading(
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     if biased and method == "learned" and model is not None:
         check_bias(model)
-    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve)
+    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve, require_sigma)
     if folder:
         return _folder(source, request, as_json=as_json, csv=csv)
     return _file(source, request, as_json=as_json, nmea=nmea, csv=csv, plot=plot, report=report)
@@ -286,6 +290,8 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     if request.gyro_bias is not None:
         bias = ", ".join(f"{value / DEG_PER_HOUR:g}" for value in request.gyro_bias)
         inputs.append(("gyro bias subtracted", f"{bias} deg/h"))
+    if request.require_sigma is not None:
+        inputs.append(("sigma required", f"{degrees(request.require_sigma):g}°"))
     if request.attitude is not None:
         inputs.append(("roll and pitch given", ", ".join(f"{degrees(angle):g}°" for angle in request.attitude)))
     if recording.session is not None:

@@ -171,6 +171,14 @@ SensorName = Annotated[
 RequiredSensor = Annotated[
     str, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
 ]
+RequireSigma = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
+        help="Give out no heading with a larger sigma.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
     Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)

@@ -18,8 +18,8 @@ from gyronorth.errors import InputError
 from gyronorth.readers.source import Block, Parts, Source
 
 #: Bytes that any file may decode to, and how many more for each of its own. Recordings pack to a third or a
-#: tenth; only constant ones, that tell nothing, pack to less than a hundredth.
-DECODED_FLOOR, DECODED_RATIO = 128 << 20, 100
+#: tenth; only constant ones, that tell nothing, pack to less than a fiftieth.
+DECODED_FLOOR, DECODED_RATIO = 64 << 20, 50
 #: Memory of a foreign decoder: a floor, and more for each byte of the file (a chunk may be all of it).
 MEMORY_FLOOR, MEMORY_RATIO = 768 << 20, 4
 #: CPU time of a foreign decoder: a floor, s, and the slowest rate that is waited for, bytes per s.

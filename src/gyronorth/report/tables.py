@@ -35,6 +35,7 @@ COLUMNS = (
     "heading_true_deg",
     "error_deg",
     "message",
+    "fitness",
 )
 
 
