@@ -29,6 +29,7 @@ from gyronorth.cli.options import (
     check_outputs,
     print_json,
     with_reading,
+    written,
 )
 from gyronorth.cli.progress import files_done, reading_file, working
 
@@ -183,6 +184,7 @@ def _file(
         from gyronorth.report.terminal import print_heading
 
         print_heading(outcome, sys.stdout)
+    _tell_written(plot, report, csv)
     return VALID if estimate.valid else REFUSED
 
 
@@ -234,6 +236,10 @@ def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) 
             estimate = request.heading(recording)
         except (InputError, OSError) as error:
             outcomes.append(Outcome(name, message=str(error)))
+        except Exception as error:  # a fault of ours, in one file of many
+            fault = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            fault = f"a fault of gyronorth, please report it: {fault}"
+            outcomes.append(Outcome(name, message=fault))
         else:
             outcomes.append(Outcome(name, estimate, heading_true=recording.heading_true))
     if csv is not None:
@@ -244,9 +250,16 @@ def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) 
         from gyronorth.report.terminal import print_folder
 
         print_folder(outcomes, sys.stdout)
+    _tell_written(csv)
     if any(outcome.estimate is None for outcome in outcomes):
         return BAD_INPUT
     return VALID if all(outcome.estimate and outcome.estimate.valid for outcome in outcomes) else REFUSED
+
+
+def _tell_written(*paths: Path | None) -> None:
+    for path in paths:
+        if path is not None:
+            written(path)
 
 
 def _sensor(name_or_file: str | None) -> Sensor | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import wraps
 from math import inf, isfinite, radians
 from pathlib import Path
@@ -180,6 +180,7 @@ RequireSigma = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
     Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
 ]
@@ -328,8 +329,13 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     return ReadOptions(**fields)
 
 
-def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:
-    """Refuse, before any work, outputs that could not be written or would overwrite the input or each other.
+def check_outputs(
+    outputs: dict[str, tuple[Path | None, tuple[str, ...]]],
+    *,
+    source: Path | None = None,
+    kept: Collection[str] = (),
+) -> None:
+    """Refuse, before any work, outputs that could not be written or would overwrite the input, each other or a work.
 
     Parameters
     ----------
@@ -337,6 +343,8 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
         Option name -> (path or None, the suffixes it may have; none given: any).
     source : Path, optional
         The recording that is read.
+    kept : collection of str
+        Options whose file is not overwritten: recordings, profiles, bundles, where `--force` is not given.
     """
     from gyronorth.errors import InputError
 
@@ -352,7 +360,17 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
             raise InputError(f"{option} {path}: the folder {path.parent} does not exist; make it first.")
         if path.resolve() in taken:
             raise InputError(f"{option} {path} is {taken[path.resolve()]}; choose another name.")
+        if option in kept and path.is_file():
+            raise InputError(f"{option} {path} exists. Give another name, or --force to overwrite it.")
         taken[path.resolve()] = f"also what {option} writes"
+
+
+def written(path: Path) -> None:
+    """Say on standard error what was written, devices and pipes left out."""
+    from gyronorth.report.wording import printable
+
+    if path.is_file() or path.is_dir():
+        typer.echo(f"wrote {printable(str(path))}", err=True)
 
 
 def print_json(document: Any) -> None:

@@ -16,6 +16,7 @@ from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
     PLOT_SUFFIXES,
+    Force,
     Json,
     Latitude,
     Plot,
@@ -23,6 +24,7 @@ from gyronorth.cli.options import (
     check_outputs,
     print_json,
     with_reading,
+    written,
 )
 from gyronorth.cli.progress import reading_file, share_done, working
 
@@ -68,6 +70,7 @@ def allan(
     ] = None,
     as_json: Json = False,
     plot: Plot = None,
+    force: Force = False,
     *,
     reading: ReadOptions,
 ) -> None:
@@ -77,7 +80,8 @@ def allan(
     from gyronorth.report.sensors import print_characterisation
     from gyronorth.sensor import read_sensor, write_sensor
 
-    check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
+    outputs = {"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}
+    check_outputs(outputs, source=source, kept=() if force else ("-o",))
     base = None if sensor is None else read_sensor(sensor)
     with ExitStack() as stack:
         with reading_file(source) as progress:
@@ -98,6 +102,9 @@ def allan(
         print_json(found.to_json())
     else:
         print_characterisation(found, sys.stdout)
+    for path in (output, plot):
+        if path is not None:
+            written(path)
 
 
 @app.command()
@@ -134,3 +141,5 @@ def plan(
         print_plan(planned, sys.stdout)
         if turned is not None:
             print_turns(turned, sys.stdout)
+    if plot is not None:
+        written(plot)
