@@ -51,7 +51,7 @@ class Apart:
     """
 
     def __init__(self, make: Callable[[], Service], *, limits: Limits, what: str) -> None:
-        self._limits, self._what, self._lock = limits, what, threading.Lock()
+        self._allowed, self._what, self._lock = limits.seconds, what, threading.Lock()
         self._inside: Service | None = None
         if not hasattr(os, "fork"):
             self._inside = make()
@@ -86,6 +86,7 @@ class Apart:
         if self._inside is not None:
             return self._inside(request)
         with self._lock:
+            self._allowed = seconds if seconds is not None else self._allowed
             try:
                 _send(self._socket, (seconds, request))
                 good, answer = _receive(self._socket)
@@ -112,7 +113,7 @@ class Apart:
         number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
         name = signal.Signals(number).name if number in set(signal.Signals) else f"exit code {status >> 8}"
         if number == signal.SIGXCPU:
-            why = f"took more than {self._limits.seconds:.0f} s of computing"
+            why = f"took more than {self._allowed:.0f} s of computing"
         elif number == signal.SIGKILL:
             why = "was ended by the system, which was short of memory"
         else:

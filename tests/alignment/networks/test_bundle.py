@@ -355,7 +355,7 @@ FITS = {"rate_hz": 600.0, "duration": 100.0, "latitude": LATITUDE, "sensor": "SD
 )
 def test_every_mismatch_is_named_with_value_and_limit(change, message, value, limit):
     bundle = Bundle.model_validate(
-        {"method": "paper", "layout": "flattened", "domain": DOMAIN, "heading": {"sha256": "0"}}
+        {"method": "paper", "layout": "flattened", "domain": DOMAIN, "heading": {"sha256": "0" * 64}}
     )
     assert mismatch(bundle, RecordingFacts(**FITS)) == []
     (found,) = mismatch(bundle, RecordingFacts(**{**FITS, **change}))
@@ -365,7 +365,7 @@ def test_every_mismatch_is_named_with_value_and_limit(change, message, value, li
 
 
 def test_what_is_longer_than_the_longest_window_may_come_slower():
-    made = {"method": "learned", "layout": "temporal", "proposal": {"sha256": "0"}}
+    made = {"method": "learned", "layout": "temporal", "proposal": {"sha256": "0" * 64}}
     bundle = Bundle.model_validate({**made, "domain": {"rate_hz": 3, "samples": 90, "longest_samples": 900}})
     assert mismatch(bundle, RecordingFacts(rate_hz=1.0, duration=900.0)) == []
     (found,) = mismatch(bundle, RecordingFacts(rate_hz=1.0, duration=600.0))
@@ -378,7 +378,7 @@ def test_what_is_not_known_is_not_judged():
             "method": "baseline",
             "layout": "temporal",
             "domain": {"rate_hz": 3, "samples": 300},
-            "heading": {"sha256": "0"},
+            "heading": {"sha256": "0" * 64},
         }
     )
     assert mismatch(anything, RecordingFacts(**FITS)) == []

@@ -77,7 +77,7 @@ def _posterior(bundle: LoadedBundle) -> Posterior:
     metrics = bundle.info.metrics
     part = "test" if metrics.get("test_network_crmse_deg") else "validation"
     error, count = metrics.get(f"{part}_network_crmse_deg"), metrics.get(f"{part}_recordings") or 1.0
-    if error is None:
+    if error is None or not (error > 0 and count >= 1):
         return Posterior.unknown()
     sigma = min(float(np.radians(error) * stdtrit(count, 0.975) / NORMAL_975), SIGMA_UNKNOWN)
     return Posterior.symmetric(*von_mises(np.asarray(1 / sigma**2)))
