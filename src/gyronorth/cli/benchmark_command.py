@@ -34,7 +34,10 @@ def benchmark(
 
     An interrupted run is continued; a unit that is finished is not run again.
     """
+    from gyronorth.cli.options import check_drawing
     from gyronorth.files import no_empty_folder
+
+    check_drawing("gyronorth benchmark")
     from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark, studies_of
     from gyronorth.studies.study import StudyPlan

@@ -321,7 +321,7 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
 
 
 def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:
-    """Refuse, before any work, outputs that could not be written or would overwrite the input or each other.
+    """Refuse, before any work, outputs that could not be drawn or written, or would overwrite the input or each other.
 
     Parameters
     ----------
@@ -336,6 +336,8 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
     for option, (path, suffixes) in outputs.items():
         if path is None:
             continue
+        if option in ("--plot", "--report"):
+            check_drawing(option)
         if suffixes and path.suffix.lower() not in suffixes:
             raise InputError(f"{option} {path}: the name must end in {' or '.join(suffixes)}.")
         if path.is_dir():
@@ -345,6 +347,20 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
         if path.resolve() in taken:
             raise InputError(f"{option} {path} is {taken[path.resolve()]}; choose another name.")
         taken[path.resolve()] = f"also what {option} writes"
+
+
+def check_drawing(what: str) -> None:
+    """Refuse what draws if the libraries of the extra `report` are not installed."""
+    from importlib.util import find_spec
+
+    from gyronorth.errors import InputError
+
+    missing = [module for module in ("matplotlib", "jinja2") if find_spec(module) is None]
+    if missing:
+        raise InputError(
+            f"{what} needs {' and '.join(missing)}, which the small installation leaves out. "
+            "Install it with: pip install 'gyronorth[report]'."
+        )
 
 
 def print_json(document: Any) -> None:
