@@ -40,9 +40,13 @@ class Metadata(MetadataHookInterface):
         tag = f"v{metadata['version']}"
         text = absolute_links((root / "README.md").read_text(encoding="utf-8"), address, tag)
         metadata["readme"] = {"content-type": "text/markdown", "text": text}
-        metadata["urls"] = {} if address is None else {
-            "Source": address,
-            "Issues": f"{address}/issues",
-            "Changelog": f"{address}/blob/{tag}/CHANGELOG.md",
-            "Documentation": f"{address}/blob/{tag}/docs/index.md",
-        }
+        metadata["urls"] = (
+            {}
+            if address is None
+            else {
+                "Source": address,
+                "Issues": f"{address}/issues",
+                "Changelog": f"{address}/blob/{tag}/CHANGELOG.md",
+                "Documentation": f"{address}/blob/{tag}/docs/index.md",
+            }
+        )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
-from gyronorth.findings import Finding
+from gyronorth.findings import Check, Finding
 
 #: Error budget that the JSON always names, null where the method or the lack of a profile leaves them unknown.
 PARTS = ("noise", "drift", "turn_on_bias", "levelling")
@@ -105,6 +105,7 @@ class HeadingEstimate:
     rate_norm: float  # its norm, rad/s
     implied_latitude: float | None  # asin(-w_down / |w|), rad
     disturbance: DisturbanceFound | None = None  # where a method was tried that models disturbance
+    checks: tuple[Check, ...] = ()  # every gate that judged the heading, passed or not
 
     @property
     def valid(self) -> bool:

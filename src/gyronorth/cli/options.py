@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import METHODS
+from gyronorth.cli import completion
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -46,6 +47,7 @@ MethodName = Annotated[
         "--method",
         metavar="|".join(info.name for info in METHODS),
         parser=method_name,
+        autocompletion=completion.method,
         help="; ".join(f"{info.name}: {info.summary}" for info in METHODS) + ".",
     ),
 ]
@@ -165,11 +167,21 @@ Rate = Annotated[
 SensorName = Annotated[
     str | None,
     typer.Option(
-        "--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.", rich_help_panel=SITE
+        "--sensor",
+        metavar="NAME|FILE",
+        autocompletion=completion.sensor,
+        help="Sensor profile; `gyronorth sensors` lists them.",
+        rich_help_panel=SITE,
     ),
 ]
 RequiredSensor = Annotated[
-    str, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
+    str,
+    typer.Option(
+        "--sensor",
+        metavar="NAME|FILE",
+        autocompletion=completion.sensor,
+        help="Sensor profile; `gyronorth sensors` lists them.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
@@ -192,7 +204,10 @@ READING: dict[str, tuple[Any, Any]] = {
         Annotated[
             str | None,
             typer.Option(
-                metavar="AXES", help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.", rich_help_panel=FILE
+                metavar="AXES",
+                autocompletion=completion.axes,
+                help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.",
+                rich_help_panel=FILE,
             ),
         ],
         None,
@@ -210,10 +225,24 @@ READING: dict[str, tuple[Any, Any]] = {
         None,
     ),
     "gyro_unit": (
-        Annotated[str | None, typer.Option(metavar="UNIT", help="deg/s, rad/s or deg/h.", rich_help_panel=FILE)],
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="UNIT",
+                autocompletion=completion.gyro_unit,
+                help="deg/s, rad/s or deg/h.",
+                rich_help_panel=FILE,
+            ),
+        ],
         None,
     ),
-    "accel_unit": (Annotated[str | None, typer.Option(metavar="UNIT", help="m/s2 or g.", rich_help_panel=FILE)], None),
+    "accel_unit": (
+        Annotated[
+            str | None,
+            typer.Option(metavar="UNIT", autocompletion=completion.accel_unit, help="m/s2 or g.", rich_help_panel=FILE),
+        ],
+        None,
+    ),
     "increments": (
         Annotated[
             bool,
@@ -258,6 +287,7 @@ READING: dict[str, tuple[Any, Any]] = {
             str | None,
             typer.Option(
                 metavar="NAME",
+                autocompletion=completion.protocol,
                 help="Protocol of a capture of a unit's frames; by default told by their checksums.",
                 rich_help_panel=FILE,
             ),
