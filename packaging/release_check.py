@@ -189,9 +189,9 @@ def classified() -> list[str]:
 
 
 def interpreter(name: str) -> str | None:
-    """A Python of that version: on the path, or of pyenv."""
+    """A Python of that version: of pyenv, or on the path."""
     pyenv = sorted(Path.home().glob(f".pyenv/versions/{name}.*/bin/python"))
-    return shutil.which(f"python{name}") or (str(pyenv[-1]) if pyenv else None)
+    return str(pyenv[-1]) if pyenv else shutil.which(f"python{name}")
 
 
 STEPS: dict[str, Callable[[], str]] = {

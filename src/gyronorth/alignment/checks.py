@@ -37,8 +37,8 @@ _SHOWN = {
         "inertial 45 deg; of bayes and learned what sigma allows, at least 0.25 deg",
     ),
     "saturated": (
-        "largest output",
-        "of its unit",
+        "largest specific force",
+        "g",
         "largest |component| of a sample; limit 0.999 of the sensor's range",
     ),
 }
@@ -78,5 +78,7 @@ def checks_of(gates: Sequence[Gate], *, samples: int, duration: float) -> tuple[
             failed = width if gate.code in _WIDTH else gate.code if gate.failed else None
             value, limit = float(gate.value), float(gate.limit)
             text = formula.format(gate=GATE_SIGMA)
+            if gate.code == "saturated" and gate.message.startswith("The gyro"):
+                title, unit = "largest angular rate", "deg/s"
             found.append(Check(failed or gate.code, title, value, limit, unit, text, failed is None))
     return tuple(found)

@@ -54,4 +54,7 @@ def print_checks(estimate: HeadingEstimate, stream: TextIO) -> None:
 
 
 def _with_unit(value: float, check: Check) -> str:
-    return number_text(value, unit=check.unit) if isfinite(value) else "no finite value"
+    if not isfinite(value):
+        return "no finite value"
+    decimals = 2 if abs(value) < 100 else 1 if abs(value) < 1000 else 0
+    return number_text(value, decimals=decimals, unit=check.unit)
