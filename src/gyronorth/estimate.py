@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
-from gyronorth.findings import Finding
+from gyronorth.findings import Check, Finding
 
 #: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
 Fitness = Literal["aligning", "degraded", "valid", "invalid"]
@@ -111,6 +111,7 @@ class HeadingEstimate:
     rate_norm: float  # its norm, rad/s
     implied_latitude: float | None  # asin(-w_down / |w|), rad
     disturbance: DisturbanceFound | None = None  # where a method was tried that models disturbance
+    checks: tuple[Check, ...] = ()  # every gate that judged the heading, passed or not
 
     @property
     def valid(self) -> bool:

@@ -336,9 +336,9 @@ def test_page_shows_the_disturbance_that_was_found():
     page = heading_page(Outcome("a.csv", replace(VALID, method="learned", disturbance=found)), CONVERGENCE)
     cells = dict(re.findall(r"<tr><td>([^<]*)</td><td class=\"n\">([^<]*)</td></tr>", page))
     assert cells["sway tones, expected number"] == "1.9"
-    assert cells["the bias settles, probability"] == "0.98"
+    assert cells["bias settling, probability"] == "0.98"
     assert cells["left out as bumps"] == "2.0 s"
-    assert "the bias walks, probability" not in cells
+    assert "bias random walk, probability" not in cells
     assert "by plain averaging, not by learned" in page
     assert "Disturbance found" not in heading_page(Outcome("a.csv", VALID), CONVERGENCE)
 

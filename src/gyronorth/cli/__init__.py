@@ -11,6 +11,7 @@ import os
 from gyronorth.cli import (  # noqa: F401  # they join the application
     benchmark_command,
     calibrate_command,
+    explain_command,
     heading_command,
     live_command,
     recording_commands,

@@ -8,15 +8,24 @@ from typing import Annotated, Any
 
 import typer
 
+from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.progress import units_done
 
 
 @app.command()
 def benchmark(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="paper, published, turned, disturbed or stress.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", autocompletion=completion.benchmark, help="paper, published, turned, disturbed or stress."
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Results; what is there is kept.")],
-    study: Annotated[list[str] | None, typer.Option(metavar="STUDY", help="Only this study; repeatable.")] = None,
+    study: Annotated[
+        list[str] | None,
+        typer.Option(metavar="STUDY", autocompletion=completion.study, help="Only this study; repeatable."),
+    ] = None,
     data: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Public recordings of your own clone; else the shipped twin.")
     ] = None,
@@ -28,13 +37,16 @@ def benchmark(
     splits: Annotated[int | None, typer.Option(min=1, metavar="N", help="Random splits without networks.")] = None,
     network_splits: Annotated[int | None, typer.Option(min=1, metavar="N", help="Random splits with networks.")] = None,
     seeds: Annotated[int | None, typer.Option(min=1, metavar="N", help="Trainings of each variant.")] = None,
-    epochs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Most epochs of a training.")] = None,
+    epochs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Maximum epochs of a training.")] = None,
 ) -> None:
     """Run the studies of a benchmark: one result file per unit of work, then JSON, Markdown and figures.
 
     An interrupted run is continued; a unit that is finished is not run again.
     """
+    from gyronorth.cli.options import check_drawing
     from gyronorth.files import no_empty_folder
+
+    check_drawing("gyronorth benchmark")
     from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark, studies_of
     from gyronorth.studies.study import StudyPlan

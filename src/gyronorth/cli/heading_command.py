@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -211,7 +212,8 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
     if report is not None:
         from gyronorth.report.html import heading_page
 
-        page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, recording, request))
+        inputs = _inputs(outcome.file, recording, request)
+        page = heading_page(outcome, convergence, deviation=deviation, inputs=inputs, sensor=request.sensor)
         write_text(report, page, errors="backslashreplace")  # a file name may be no UTF-8
 
 
@@ -283,10 +285,22 @@ def _deviation(recording: Recording, estimate: HeadingEstimate) -> AllanDeviatio
     return allan_deviation(gyro_b, rate_hz=recording.rate_hz)
 
 
+def _checksum(path: Path) -> str:
+    import hashlib
+
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str, str]]:
     """What the user declared and what the file says, for the report."""
     reading = request.reading
-    inputs = [("file", file), ("method asked for", request.method)]
+    inputs = [("command", shlex.join(["gyronorth", *sys.argv[1:]])), ("file", file)]
+    if Path(file).is_file():  # a bag may be a folder
+        inputs.append(("SHA-256 of the file", _checksum(Path(file))))
+    if recording.start_time_utc is not None:
+        inputs.append(("recorded from", recording.start_time_utc))
+    inputs.append(("method asked for", request.method))
     if reading.window is not None:
         inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
     names = ("axes", "gyro_unit", "accel_unit", "variable", "topic", "protocol")

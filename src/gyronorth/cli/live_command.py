@@ -51,7 +51,7 @@ def live(
     speed: Annotated[
         Any,
         typer.Option(
-            metavar="X", parser=number("a positive factor", "20", above=0), help="Replay a file so many times faster."
+            metavar="X", parser=number("a positive factor", "20", above=0), help="Replay speed factor of a file."
         ),
     ] = 1.0,
     save: Annotated[

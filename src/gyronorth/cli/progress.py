@@ -1,18 +1,37 @@
-"""What is going on, on standard error, and only when that is a terminal."""
+"""What is going on, on standard error: a display where that is a terminal, or the time of each step."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+QUIET, NORMAL, VERBOSE = range(3)
+#: How much is said; the options -q and -v of every command set it.
+level = NORMAL
+
+
+def _displayed() -> bool:
+    return level == NORMAL and sys.stderr.isatty()
+
+
+@contextmanager
+def _timed(text: str) -> Iterator[None]:
+    """One line with the time of a step when it is done, with -v."""
+    start = time.perf_counter()
+    yield
+    if level == VERBOSE:
+        print(f"{text}: {time.perf_counter() - start:.3f} s", file=sys.stderr)
 
 
 @contextmanager
 def working(text: str) -> Iterator[None]:
     """A spinner with the time that has passed, gone when the block ends."""
-    if not sys.stderr.isatty():
-        yield
+    if not _displayed():
+        with _timed(text):
+            yield
         return
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -26,8 +45,9 @@ def working(text: str) -> Iterator[None]:
 @contextmanager
 def share_done(text: str) -> Iterator[Callable[[float], None] | None]:
     """A bar of the share of the work that is done, with the time that remains; it is told the share."""
-    if not sys.stderr.isatty():
-        yield None
+    if not _displayed():
+        with _timed(text):
+            yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -50,7 +70,7 @@ def reading_file(path: Path, *, doing: str = "reading") -> Iterator[Callable[[fl
 
 def files_done(paths: Sequence[Path]) -> Iterator[Path]:
     """The paths one by one, with a bar of how many are done."""
-    if not sys.stderr.isatty():
+    if not _displayed():
         yield from paths
         return
     from rich.console import Console
@@ -70,7 +90,7 @@ def files_done(paths: Sequence[Path]) -> Iterator[Path]:
 @contextmanager
 def units_done() -> Iterator[Callable[[str, int, int], None]]:
     """A bar per study; call it with the study's name, the units finished and their total."""
-    if not sys.stderr.isatty():
+    if not _displayed():
         yield lambda *_: None
         return
     from rich.console import Console

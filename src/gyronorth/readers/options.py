@@ -10,7 +10,7 @@ import numpy as np
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
 from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ
@@ -171,4 +171,4 @@ def _listed(titles: list[str]) -> str:
 
 def _among(name: str, value: str | None, choices: Mapping[str, float]) -> None:
     if value is not None and value not in choices:
-        raise InputError(f"{name} is {value!r}; one of {', '.join(choices)} is expected.")
+        raise InputError(f"{name} is {value!r}; one of {', '.join(choices)} is expected.{did_you_mean(value, choices)}")
