@@ -54,6 +54,12 @@ def test_variants_of_sampler_and_heading_share_a_denoiser_and_others_do_not():
     assert denoiser_unit({}, PLAN, seed=0, split=splits_of(PLAN, 1)[0]).name != name
 
 
+def test_the_baseline_of_the_studies_is_that_of_the_settings():
+    from gyronorth.learn.settings import Settings, baseline
+
+    assert Settings.model_validate(BASELINE) == baseline()
+
+
 def test_what_needs_no_denoiser_trains_none():
     split = splits_of(PLAN, 1)[0]
     assert heading_unit(WITHOUT_DENOISER, PLAN, split, seed=0).needs == ()
