@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.errors import InputError
 from gyronorth.evaluation import Split, random_splits
 from gyronorth.published import LATITUDE, Twin, model_based
 from gyronorth.studies.methods import WINDOW
@@ -69,24 +70,29 @@ def denoiser_unit(variant: Variant, plan: StudyPlan, *, seed: int, split: Split 
     arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed, "real": None}
     if split is not None:
         arguments |= {"real": split_json(split), **plan.source()}
-    return Job(f"denoiser/{_digest(arguments)}", train_denoiser_unit, arguments)
+    return Job(f"denoiser/{digest(arguments)}", train_denoiser_unit, arguments)
 
 
 def heading_unit(
     variant: Variant, plan: StudyPlan, split: Split, *, seed: int, denoiser: Job | None = None, duration: float = WINDOW
 ) -> Job:
     """Train the heading network of a variant on a split; its denoiser is trained before, once for all seeds."""
-    default = {"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}
-    settings = merged(default, variant)
-    if plan.epochs is not None:
-        settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
+    settings = heading_settings(variant, plan, seed=seed, duration=duration)
     needs: tuple[Job, ...] = ()
     if settings["heading"].get("denoised", True):
         of_length = variant if duration == WINDOW else {**variant, "samples": round(3 * duration)}
         needs = (denoiser or denoiser_unit(of_length, plan, seed=plan.seed),)
     arguments = {"settings": settings, "split": split_json(split), **plan.source()}
     named = {"arguments": arguments, "needs": [need.name for need in needs]}
-    return Job(f"network/{_digest(named)}", train_heading_unit, arguments, needs)
+    return Job(f"network/{digest(named)}", train_heading_unit, arguments, needs)
+
+
+def heading_settings(variant: Variant, plan: StudyPlan, *, seed: int, duration: float = WINDOW) -> dict:
+    """The settings of a variant's heading network, with no more epochs than the plan allows."""
+    settings = merged({"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}, variant)
+    if plan.epochs is not None:
+        settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
+    return settings
 
 
 def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: dict | None = None) -> Result:
@@ -153,14 +159,31 @@ def circle_error(trained: TrainedHeading) -> list[float | None]:
     return _degrees(angle_error(trained.headings_of_clean(clean.gyro_l), clean.heading))
 
 
-def split_data(split: dict, recordings: Twin, settings: Settings) -> TrainingData:
-    """The first window of each recording, in the parts of a split (IV-A: one of 100 s each)."""
+def split_data(split: dict, recordings: Twin, settings: Settings, *, leak: bool = False) -> TrainingData:
+    """The first window of each recording, in the parts of a split (IV-A: one of 100 s each).
+
+    With `leak` the second window of the tested recordings is among the training data, a fault of many evaluations.
+
+    Raises
+    ------
+    InputError
+        If a recording has no second window.
+    """
     from gyronorth.learn.data import HeadingSet, TrainingData
 
     gyro_l, heading, recording = recordings.windows(settings.samples / recordings.rate_hz)
-    first = np.unique(recording, return_index=True)[1]
-    whole = HeadingSet(gyro_l[first], heading[first], recording[first])
-    parts = [whole.rows(split[name]) for name in PARTS]
+    first, windows = np.unique(recording, return_index=True, return_counts=True)[1:]
+    whole = HeadingSet(gyro_l, heading, recording)
+    known = first[split["train"]]
+    if leak and windows.min() < 2:
+        window = settings.samples / recordings.rate_hz
+        raise InputError(
+            f"The recordings last {recordings.duration:g} s; two windows of {window:g} s are needed to train "
+            "on another window of the tested recordings. Leave the selection leak out."
+        )
+    if leak:
+        known = np.concatenate([known, first[split["test"]] + 1])
+    parts = [whole.rows(index) for index in (known, first[split["validation"]], first[split["test"]])]
     return TrainingData(parts[0], parts[1], test=parts[2], latitude=LATITUDE)
 
 
@@ -230,7 +253,8 @@ def split_json(split: Split) -> dict:
     return {name: np.sort(getattr(split, name)).tolist() for name in PARTS}
 
 
-def _digest(content: object) -> str:
+def digest(content: object) -> str:
+    """Short checksum of plain data: the name of a unit."""
     import hashlib
 
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
