@@ -33,6 +33,7 @@ from gyronorth.report.study_figures import FIGURES, study_figure
 from gyronorth.studies.benchmark import STUDIES
 from gyronorth.studies.study import StudyPlan
 from gyronorth.studies.tables import Table, cell_text, rows_markdown
+from gyronorth.studies.tables import verdict as within
 
 PAGES = Path(__file__).parent / "results"
 NAMED = {study.name: study for study in STUDIES}
@@ -130,13 +131,9 @@ def limit_text(limit: str) -> str:
 
 
 def verdict(found: Any, limit: str) -> str:
-    """Whether a figure is within its limit, and whether its whole interval is on the same side."""
+    """Whether a figure with its interval is within its limit, in three words."""
     low, high = bounds(limit)
-    interval = found if isinstance(found, Interval) else Interval(found, found, found)
-    inside = [low <= value <= high for value in (interval.value, interval.low, interval.high)]
-    if inside[0]:
-        return "holds" if all(inside) else "holds; the interval reaches beyond"
-    return "**does not hold**" + ("; the interval reaches within" if any(inside) else "")
+    return within(found, low=low, high=high)
 
 
 def draw(benchmark: str, studies: dict[str, Study]) -> None:

@@ -87,9 +87,9 @@ def test_a_trained_unit_tells_errors_of_each_part_and_the_closed_form_beside():
         assert_allclose(result[part]["model_based_deg"], np.degrees(error), rtol=1e-5)
     assert {"loss", "validation", "test"} <= set(result["history"][0])
     row = network_row("tiny", [result], seed=0)
-    assert row[3].value > 10  # one epoch of four units knows no heading
+    assert row[4].value > 10  # one epoch of four units knows no heading
     assert len(result["circle_error_deg"]) == networks.CIRCLE
-    assert float(row[7].split()[0]) > 50  # so most of the circle is lost
+    assert float(row[9].split()[0]) > 50  # so most of the circle is lost
 
 
 class OffBeyond270:
@@ -137,7 +137,7 @@ def test_a_denoiser_unit_is_rebuilt_as_it_was_trained():
 def test_a_training_that_diverged_is_a_word_not_a_number():
     part = {"recording": [0, 1], "error_deg": [None, 1.0], "model_based_deg": [1.0, 2.0]}
     result = {"train": part, "validation": part, "test": part, "best_epoch": 0}
-    assert network_row("x", [result], seed=0)[1:4] == (DIVERGED,) * 3
+    assert network_row("x", [result], seed=0)[1:5] == (DIVERGED,) * 4
 
 
 @pytest.fixture

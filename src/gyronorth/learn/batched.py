@@ -60,9 +60,7 @@ def train_batched(settings: Sequence[Settings], parts: Sequence[Parts]) -> Batch
     """
     one = settings[0]
     if one.layout != "flattened" or any(s.model_copy(update={"seed": one.seed}) != one for s in settings):
-        raise ValueError(
-            "Only flattened networks whose settings differ in the seed alone are trained together."
-        )
+        raise ValueError("Only flattened networks whose settings differ in the seed alone are trained together.")
     generators = [heading_generator(s) for s in settings]
     weights = _stacked([new_heading(s, g) for s, g in zip(settings, generators, strict=True)])
     x, y = _data(parts, 0)

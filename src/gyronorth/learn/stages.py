@@ -173,12 +173,18 @@ def new_denoiser(settings: Settings) -> tuple[Denoiser, torch.Generator]:
 
 
 def train_heading(
-    settings: Settings, data: TrainingData, denoiser: TrainedDenoiser | None, *, run: Run = Run()
+    settings: Settings,
+    data: TrainingData,
+    denoiser: TrainedDenoiser | None,
+    *,
+    last: bool = False,
+    run: Run = Run(),
 ) -> TrainedHeading:
     """Stage two: the heading network on recordings, augmented and then cleaned by the frozen denoiser.
 
     `denoiser` is left out where the settings say `heading.denoised: false`. The error on a test
-    part is written down every epoch and decides nothing.
+    part is written down every epoch and decides nothing. With `last` nothing is chosen: all epochs are run and the
+    last one is kept.
     """
     part = settings.heading
     denoiser = denoiser if part.denoised else None
@@ -202,7 +208,9 @@ def train_heading(
         return {"test": crmse(x_test[0], y_test[0])} if x_test else {}
 
     rate = decay(part.rate, part.rate_end, part.epochs)
-    task = Task("heading", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate, watch)
+    task = Task(
+        "heading", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate, watch, last
+    )
     progress = fitted(task, settings, generator, parts.key, run=run)
     return TrainedHeading(network, settings, denoiser, progress)
 

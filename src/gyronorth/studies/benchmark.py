@@ -11,7 +11,7 @@ from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_augmentation import AUGMENTATION
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
-from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED
+from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED, PROTOCOL_LEAK
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
@@ -32,6 +32,7 @@ STUDIES: tuple[Study, ...] = (
     AUGMENTATION,
     PROTOCOL,
     PROTOCOL_DENOISED,
+    PROTOCOL_LEAK,
     SCALE,
     SWEEP,
     DURATION,

@@ -17,12 +17,14 @@ from gyronorth.studies.work import Result
 #: Columns of `network_row`.
 COLUMNS = (
     "variant",
+    "training loss, deg",
     "train, deg",
     "validation, deg",
     "test, deg",
     "test, ratio to model-based",
     "test, median error, deg",
     "tests lost",
+    "CRMSE of tests not lost, deg",
     "circle lost",
     "splits won",
     "epochs",
@@ -103,11 +105,20 @@ def network_row(label: str, results: Sequence[Result], seed: int) -> tuple:
     """One row: CRMSE on the three parts, ratio on test, splits won, epochs of the chosen weights."""
     by_part = {part: pooled(results, part) for part in PARTS}
     if not all(one.finite for one in by_part.values()):
-        return (label, DIVERGED, DIVERGED, DIVERGED, None, None, None, None, None, _epochs(results))
+        return (label, *[DIVERGED] * 4, *[None] * 6, _epochs(results))
     single = [float(np.degrees(cyclic_rmse(np.concatenate(by_part[part].error)))) for part in PARTS[:2]]
     test = by_part["test"]
-    figures = (test.crmse(seed), test.ratio(seed), test.median(), test.lost(), circle_lost(results), test.wins())
-    return (label, *single, *figures, _epochs(results))
+    figures = (test.crmse(seed), test.ratio(seed), test.median(), test.lost(), test.kept(), circle_lost(results))
+    return (label, training_loss(results), *single, *figures, test.wins(), _epochs(results))
+
+
+def training_loss(results: Sequence[Result]) -> float | None:
+    """Mean over the trainings of the loss, deg, in the epoch chosen: on augmented copies, with dropout, as it falls.
+
+    It is what a training prints, and not the error of the trained network on its training recordings.
+    """
+    losses = [r["history"][r["best_epoch"] - 1]["loss"] for r in results if r["best_epoch"]]
+    return None if None in losses or not losses else float(np.mean(losses))
 
 
 def circle_lost(results: Sequence[Result]) -> str:

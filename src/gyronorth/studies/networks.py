@@ -1,8 +1,8 @@
-"""Units of work that train the networks: a denoiser, and a heading network on one split of the twin.
+"""Units of work that train the networks: a denoiser, and a heading network on one split of the recordings.
 
 A variant is what differs from the paper's settings, a nested dict in the names of the YAML
-file: {"heading": {"dropout": 0.2}}. Every choice of an epoch is made on validation; the test
-recordings are looked at after.
+file: {"heading": {"dropout": 0.2}}. Every choice of an epoch is made on validation, unless a plan says
+otherwise and every output with it; the test recordings are looked at after.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import base64
 import io
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,11 +19,11 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.errors import InputError
-from gyronorth.evaluation import Split, random_splits
+from gyronorth.evaluation import Split
 from gyronorth.published import LATITUDE, Twin, model_based
 from gyronorth.studies.methods import WINDOW
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import StudyPlan
+from gyronorth.studies.study import Selection, StudyPlan
 from gyronorth.studies.work import Job, Result
 
 if TYPE_CHECKING:
@@ -56,8 +57,7 @@ CIRCLE = 180
 
 def splits_of(plan: StudyPlan, count: int) -> list[Split]:
     """The first splits of the study of random splits: networks and other methods see the same."""
-    rng = np.random.default_rng([plan.seed, 1])
-    return random_splits(len(plan.recordings().heading_true), count, rng=rng)
+    return plan.splits_of(count)
 
 
 def denoiser_unit(variant: Variant, plan: StudyPlan, *, seed: int, split: Split | None = None) -> Job:
@@ -83,6 +83,8 @@ def heading_unit(
         of_length = variant if duration == WINDOW else {**variant, "samples": round(3 * duration)}
         needs = (denoiser or denoiser_unit(of_length, plan, seed=plan.seed),)
     arguments = {"settings": settings, "split": split_json(split), **plan.source()}
+    if plan.selection != "validation":
+        arguments["selection"] = plan.selection
     named = {"arguments": arguments, "needs": [need.name for need in needs]}
     return Job(f"network/{digest(named)}", train_heading_unit, arguments, needs)
 
@@ -121,15 +123,29 @@ def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: d
     return result
 
 
-def train_heading_unit(*needs: Result, settings: dict, split: dict, seed: int, data: dict | None = None) -> Result:
-    """Train a heading network on a split of the twin; headings of all parts after training."""
+def train_heading_unit(
+    *needs: Result,
+    settings: dict,
+    split: dict,
+    seed: int,
+    data: dict | None = None,
+    selection: Selection = "validation",
+) -> Result:
+    """Train a heading network on a split of the recordings; headings of all parts after training.
+
+    `selection` is what chooses the epoch: `test` puts the tested recordings in the place of validation, `leak` another
+    window of them among the training data, and `last` chooses nothing.
+    """
     from gyronorth.learn.settings import Settings
     from gyronorth.learn.stages import train_heading
 
     checked = Settings.model_validate(settings)
     parts = split_data(split, recordings_of(seed, data), checked)
+    given = split_data(split, recordings_of(seed, data), checked, leak=True) if selection == "leak" else parts
+    if selection == "test" and parts.test is not None:
+        given = replace(parts, validation=parts.test)
     denoiser = rebuilt(needs[0], checked) if needs else None
-    trained = train_heading(checked, parts, denoiser)
+    trained = train_heading(checked, given, denoiser, last=selection == "last")
     result: Result = {
         "epochs": trained.progress.epoch,
         "best_epoch": trained.progress.best_epoch,

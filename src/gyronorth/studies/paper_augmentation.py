@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.evaluation import Interval, Split, bootstrap_ratio, leave_one_out, random_splits
 from gyronorth.published import model_based
+from gyronorth.studies.floors import at_window
 from gyronorth.studies.methods import WINDOW, rounded
 from gyronorth.studies.network_tables import PRINTED_RATIOS, Pooled, shares_of_splits
 from gyronorth.studies.source import recordings_of
@@ -129,6 +130,13 @@ def limit_of_splits(plan: StudyPlan, splits: list[Split], *, leak: bool = False)
     return one, _percent(1 - np.mean(np.concatenate([each.covered for each in found])))
 
 
+def limit_row(plan: StudyPlan, splits: list[Split]) -> tuple:
+    """The perfect learner as a row of `network_tables.COLUMNS`."""
+    one, _ = limit_of_splits(plan, splits)
+    figures = (one.crmse(plan.seed), one.ratio(plan.seed), one.median(), one.lost(), one.kept())
+    return (LIMIT, None, None, None, *figures, None, one.wins(), None)
+
+
 def _units(plan: StudyPlan) -> list[Job]:
     draws = DRAWS if plan.data is None else 1  # real noise is there once
     arguments = {"splits": plan.splits, **plan.source()}
@@ -196,5 +204,10 @@ def _percent(share: float | np.floating) -> str:
 
 
 AUGMENTATION = Study(
-    "augmentation", "How 0.73 comes about: a perfect learner of the augmentation", "paper", _units, _report
+    "augmentation",
+    "How 0.73 comes about: a perfect learner of the augmentation",
+    "paper",
+    _units,
+    _report,
+    at_window,
 )
