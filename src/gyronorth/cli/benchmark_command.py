@@ -67,8 +67,9 @@ def benchmark(
     )
     studies_of(name, tuple(study or ()))
     passed_over = plan.source().get("data", {}).get("passed_over")  # both refuse before any work
-    if passed_over:
-        typer.echo(passed_over_text(passed_over), err=True)
+    told = [passed_over_text(passed_over) if passed_over else "", plan.cut_short() if name == "paper" else ""]
+    for line in filter(None, told):
+        typer.echo(line.replace("**", ""), err=True)
     with no_empty_folder(output), units_done() as progress:
         written = run_benchmark(
             name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress

@@ -18,6 +18,9 @@ from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Job, Result, commit, data_sha256, write_json
 
 SCHEMA = "gyronorth.study/1"
+#: Epochs of the baseline, the most that any settings ask for, and fewer than which no network is trained.
+FULL_EPOCHS = 500
+HARDLY_TRAINED = 30
 Selection = Literal["validation", "test", "last", "leak"]
 #: What chooses the epoch of a network, and the label that every output carries where that is not honest.
 SELECTIONS: Mapping[str, str] = {
@@ -60,7 +63,16 @@ class StudyPlan:
 
     def about(self) -> str:
         """What the recordings are, and what is unusual about the choice of the epochs: a study's text begins so."""
-        return f"{about(self.data)} {SELECTIONS[self.selection]}".strip()
+        return " ".join(text for text in (about(self.data), SELECTIONS[self.selection], self.cut_short()) if text)
+
+    def cut_short(self) -> str:
+        """What is told where the trainings end before their settings let them; empty where they do not."""
+        if self.epochs is None or self.epochs >= FULL_EPOCHS:
+            return ""
+        what = "are **not trained**: their figures only show that the command runs"
+        if self.epochs >= HARDLY_TRAINED:
+            what = "that need more epochs, the baseline above all, are **not trained to the end**"
+        return f"Trainings end after {self.epochs} epochs (the settings: up to 300, 150 and 500): networks {what}."
 
     def recordings(self) -> Twin:
         """The recordings themselves."""
