@@ -9,7 +9,8 @@ holds no result; everything else comes from docs/results/data/<benchmark>/<study
 
     {{study | table | row | column}}
 
-becomes a cell of a study: `table` is the table's title or its beginning, `row` its first cell. A block
+becomes a cell of a study: `table` is the table's title or its beginning, `row` its first cell, or its first two with
+` & ` between them. A block
 
     ```claims
     what is claimed | study | table | row | column | <= 0.45
@@ -95,7 +96,7 @@ def cell(studies: dict[str, Study], study: str, title: str, row: str, column: st
     """One cell; whatever is not there exactly once is an error."""
     named = [t for t in studies[study]["tables"] if t["title"].startswith(title)]
     tables = [table_of(t) for t in [t for t in named if t["title"] == title] or named]
-    found = [r for t in tables for r in t.rows if r[0] == row]
+    found = [r for t in tables for r in t.rows if row in (r[0], f"{r[0]} & {r[1]}")]
     if len(tables) != 1 or len(found) != 1 or column not in tables[0].columns:
         sys.exit(f"{study} has {len(tables)} tables {title!r} and {len(found)} rows {row!r}, column {column!r}.")
     return found[0][tables[0].columns.index(column)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -324,3 +325,18 @@ def test_a_network_that_has_learned_nothing_is_told(tmp_path):
     assert untrained(bundle.metrics) in (tmp_path / "b/README.md").read_text()
     assert untrained({"train_network_crmse_deg": 9.0, "train_model_based_crmse_deg": 4.0}) == ""
     assert untrained({"denoiser_epochs": 3.0}) == ""
+
+
+def test_the_guide_names_every_setting():
+    """The last part of a name stands in the table; a group's name before it."""
+    table = (Path(__file__).parents[2] / "docs/guide/learning.md").read_text()
+    words = set(re.findall(r"`(?:[a-z_]+\.)*([a-z_]+)`", "\n".join(re.findall(r"^\| `.*$", table, re.M))))
+
+    def names(model):
+        for name, field in model.model_fields.items():
+            if hasattr(field.annotation, "model_fields"):
+                yield from names(field.annotation)
+            else:
+                yield name
+
+    assert set(names(Settings)) - words - {"schedule", "sampler"} == set()

@@ -50,6 +50,7 @@ def benchmark(
     from gyronorth.files import no_empty_folder
     from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark, studies_of
+    from gyronorth.studies.expected import told as told_before
     from gyronorth.studies.source import passed_over_text
     from gyronorth.studies.study import StudyPlan
 
@@ -70,6 +71,9 @@ def benchmark(
     told = [passed_over_text(passed_over) if passed_over else "", plan.cut_short() if name == "paper" else ""]
     for line in filter(None, told):
         typer.echo(line.replace("**", ""), err=True)
+    if name == "paper":
+        jobs = [job for one in studies_of(name, tuple(study or ())) for job in one.units(plan)]
+        typer.echo(told_before(jobs, output, workers), err=True)
     with no_empty_folder(output), units_done() as progress:
         written = run_benchmark(
             name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress
