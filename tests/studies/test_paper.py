@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 from gyronorth.cli import app
 from gyronorth.errors import InputError
 from gyronorth.evaluation import Interval, Split
-from gyronorth.report.study_figures import write_study_figures
+from gyronorth.report.study_figures import study_figure, write_study_figures
 from gyronorth.studies import networks, paper_protocol, source
 from gyronorth.studies.benchmark import run_benchmark
 from gyronorth.studies.network_tables import COLUMNS, Pooled, shares_of_splits
@@ -146,6 +147,29 @@ def test_a_selection_that_is_not_honest_labels_every_table_and_text(selection):
     assert SELECTIONS[selection] in plan.about()
     assert f"--selection {selection}" in plan.options()
     assert SELECTIONS[selection] not in StudyPlan().about() + AUGMENTATION.markdown(table, StudyPlan())
+
+
+@pytest.mark.parametrize("selection", ["validation", "leak"])
+def test_a_figure_says_how_the_epoch_was_chosen(selection):
+    study = json.loads((Path(__file__).parents[2] / "docs/results/data/paper/scale.json").read_text())
+    study["plan"] = {"selection": selection}
+    title = study_figure(study).get_suptitle()
+    assert ("not an honest choice" in title) == (selection != "validation")
+
+
+@pytest.mark.parametrize("by_steps", [False, True])
+def test_figures_of_scale_and_training_are_drawn_from_old_and_new_files(by_steps):
+    """Fig. 4 against the reverse steps; Fig. 7 with one line a split."""
+    folder = Path(__file__).parents[2] / "docs/results/data/paper"
+    scale, sweep = (json.loads((folder / f"{name}.json").read_text()) for name in ("scale", "t_back"))
+    if by_steps:
+        points = [{"steps": n, "horizontal_gain": 1.0 + n / 900} for n in (1, 50, 900)]
+        scale["curves"]["by_steps"] = {"sequence": points, "none": points}
+        sweep["curves"]["training"] = {t: [h, h] for t, h in sweep["curves"]["training"].items()}
+    assert len(study_figure(scale).subfigs) == (2 if by_steps else 0)
+    panels = study_figure(sweep).subfigs[1].axes
+    assert panels[0].get_legend_handles_labels()[1] == ["train", "validation", "test"]
+    assert len(panels[0].lines) == (6 if by_steps else 3)
 
 
 def test_an_unknown_selection_is_refused():

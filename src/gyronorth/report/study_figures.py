@@ -44,6 +44,9 @@ def study_figure(study: Study) -> Figure:
         figure = Figure(figsize=(8.0, 4.4), layout="constrained")
         FigureCanvasAgg(figure)
         FIGURES[study["study"]](figure, study)
+        selection = study.get("plan", {}).get("selection", "validation")
+        if selection != "validation":
+            figure.suptitle(f"networks: epoch by {selection}, not an honest choice", color=RED)
     return figure
 
 
