@@ -8,8 +8,10 @@ from pathlib import Path
 from gyronorth.errors import InputError
 from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.disturbed_long import LONG
+from gyronorth.studies.paper_augmentation import AUGMENTATION
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
+from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED, PROTOCOL_LEAK
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
@@ -27,6 +29,10 @@ STUDIES: tuple[Study, ...] = (
     SPLITS,
     TRANSFER,
     TABLE_2,
+    AUGMENTATION,
+    PROTOCOL,
+    PROTOCOL_DENOISED,
+    PROTOCOL_LEAK,
     SCALE,
     SWEEP,
     DURATION,

@@ -79,7 +79,7 @@ def run_units(
     InputError
         If the workers end before their units do.
     """
-    order = _with_needs(units)
+    order = with_needs(units)
     results = {unit.name: result for unit in order if (result := _stored(unit, folder)) is not None}
     waiting = [unit for unit in order if unit.name not in results]
     running: dict[Future[Result], Job] = {}
@@ -205,7 +205,13 @@ def _work(unit: Job, needs: list[Result]) -> Result:
     return unit.function(*needs, **unit.arguments)
 
 
-def _with_needs(units: Sequence[Job]) -> list[Job]:
+def finished_units(units: Sequence[Job], folder: Path) -> set[str]:
+    """Names of the units whose results are in the folder already."""
+    return {unit.name for unit in units if _stored(unit, folder) is not None}
+
+
+def with_needs(units: Sequence[Job]) -> list[Job]:
+    """The units and all that they need, each once, needs first."""
     found: dict[str, Job] = {}
 
     def visit(unit: Job) -> None:
