@@ -137,6 +137,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
+    FindingInfo("sensor_fault", "reason", "the unit reports a fault", "The unit marks samples as not to be trusted."),
     FindingInfo("bundle_mismatch", "reason", "the network does not fit", "The recording does not fit the bundle."),
     FindingInfo("not_running", "reason", "stopped", "The live session is not running."),
     FindingInfo("source_ended", "reason", "the source has ended", "The source of the live session has ended."),
@@ -169,6 +170,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("older_dropped", "warning", "older samples dropped", "Older samples are no longer used."),
     FindingInfo("older_merged", "warning", "older samples merged", "Older samples are kept as means."),
 )
+
+#: Codes that speak against a heading.
+REASONS = frozenset(row.code for row in FINDINGS if row.kind == "reason")
 
 
 @dataclass(frozen=True)

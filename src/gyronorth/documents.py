@@ -188,13 +188,17 @@ class LiveState(TypedDict):
     age_s: float | None
     replay: bool
     source: str
+    protocol: str | None
     connected: bool
     trouble: str | None
     recording: str | None
+    raw_recording: str | None
     recording_error: str | None
     lines: int
     good: int
     garbage: int
+    skipped_bytes: int
+    other_frames: int
     implausible: int
     strays: int
     lost: int

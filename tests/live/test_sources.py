@@ -89,13 +89,13 @@ def test_tcp_connects_anew_when_nothing_comes(monkeypatch):
         source = open_source(f"tcp:127.0.0.1:{server.getsockname()[1]}", ReadOptions(), speed=1)
         with running(source) as events:
             connections = [server.accept(), server.accept()]
-            until(lambda: events.count(Connected()) == 2)
+            until(lambda: events.count(Connected(midway=True)) == 2)
             assert Lost("no answer") in events
         for connection, _ in connections:
             connection.close()
 
 
-def test_udp_takes_one_sender_and_ends_each_datagram():
+def test_udp_takes_one_sender_whose_datagrams_are_whole():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         address = probe.getsockname()
@@ -107,7 +107,10 @@ def test_udp_takes_one_sender_and_ends_each_datagram():
             theirs.sendto(b"7,7,7\n", address)
             ours.sendto(b"8,9,10\n", address)
             until(lambda: b"8,9" in received(events))
-    assert received(events) == b"1,2,3\n4,5,6\n8,9,10\n"
+    assert [event.bytes for event in events if isinstance(event, Bytes) and event.whole] == [
+        b"1,2,3\n4,5,6",
+        b"8,9,10\n",
+    ]
 
 
 def test_a_udp_port_in_use_is_an_error():
@@ -117,7 +120,7 @@ def test_a_udp_port_in_use_is_an_error():
             open_source(f"udp:{other.getsockname()[1]}", ReadOptions(), speed=1)
 
 
-def test_serial_leaves_out_the_rest_of_a_line_and_survives_being_unplugged(tmp_path):
+def test_serial_begins_midway_and_survives_being_unplugged(tmp_path):
     """A pair of pseudo-terminals; a link stands for the device, which another terminal takes over."""
     device = tmp_path / "ttyUSB0"
 
@@ -133,13 +136,13 @@ def test_serial_leaves_out_the_rest_of_a_line_and_survives_being_unplugged(tmp_p
         until(lambda: events)
         os.write(ours, b"8,9\n1,2,3\n4,5,")
         os.write(ours, b"6\n")
-        until(lambda: received(events) == b"1,2,3\n4,5,6\n")
+        until(lambda: received(events) == b"8,9\n1,2,3\n4,5,6\n")
         os.close(ours)
         until(lambda: any(isinstance(event, Lost) for event in events))
         ours = plug()
-        until(lambda: events.count(Connected()) == 2)
+        until(lambda: events.count(Connected(midway=True)) == 2)
         os.write(ours, b"5,5\n7,8,9\n")
-        until(lambda: received(events) == b"1,2,3\n4,5,6\n7,8,9\n")
+        until(lambda: received(events) == b"8,9\n1,2,3\n4,5,6\n5,5\n7,8,9\n")
     os.close(ours)
 
 

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
 
 #: Options of reading that a line of a stream needs.
-DECLARED = ("latitude", "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns")
+DECLARED = (
+    "latitude", "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns",
+    "protocol", "increments", "imu", "accel_range",
+)  # fmt: skip
 PAGE = "Page"
 #: Whether the session is over is looked at so often, s.
 LOOKS = 0.1

@@ -28,9 +28,11 @@ ALIGNING = frozenset({"too_short", "too_noisy"})
 class Counters:
     """What came, and what went wrong, since the program started."""
 
-    lines: int = 0  # that should have been rows
+    lines: int = 0  # or frames, that should have been rows
     good: int = 0  # rows that were used
-    garbage: int = 0  # lines that were no rows
+    garbage: int = 0  # lines that were no rows, frames whose numbers are none
+    skipped_bytes: int = 0  # of no whole frame
+    other_frames: int = 0  # whole ones without inertial data
     implausible: int = 0  # rows that no sensor gives
     strays: int = 0  # rows repeated, late, or with a time stamp that fits nowhere
     lost: int = 0  # samples missing by the time stamps, bridged
@@ -57,6 +59,7 @@ class Status:
     state: State
     source: str
     connected: bool = False
+    protocol: str = ""  # of the frames, or "lines"; empty before it is known
     trouble: str = ""  # why the source is not delivering, empty when it is
     silent: float = 0.0  # s since the last bytes
     rate_hz: float | None = None
@@ -67,6 +70,7 @@ class Status:
     age: float | None = None  # s since the estimate was made
     unattended: float = 0.0  # s since the session last looked at its source
     findings: tuple[Finding, ...] = ()  # reasons beside those of the estimate
+    warnings: tuple[Finding, ...] = ()  # beside those of the estimate
     require_sigma: float | None = None  # rad; a heading that is less certain is not given out
     replay: bool = False  # whether the samples are played back
     marks: tuple[Mark, ...] = ()
@@ -74,6 +78,7 @@ class Status:
     saving: bool = False  # whether a recording was asked for
     recording: Path | None = None  # the latest file; None until the first is made, with the first rows
     recording_bytes: int = 0
+    raw_recording: Path | None = None  # of frames: the bytes as they came
     recording_error: str | None = None
     heading_true: float | None = field(default=None)  # rad, when the stream states it
 
@@ -84,7 +89,7 @@ class Status:
             return None
         estimate = self.found.estimate
         reasons = (*estimate.reasons, *self.findings, *_too_uncertain(estimate, self.require_sigma))
-        return replace(estimate, reasons=reasons)
+        return replace(estimate, reasons=reasons, warnings=(*estimate.warnings, *self.warnings))
 
     @property
     def estimate(self) -> HeadingEstimate | None:
@@ -126,9 +131,11 @@ class Status:
             "age_s": self.age,
             "replay": self.replay,
             "source": self.source,
+            "protocol": self.protocol or None,
             "connected": self.connected,
             "trouble": self.trouble or None,
             "recording": None if self.recording is None else str(self.recording),
+            "raw_recording": None if self.raw_recording is None else str(self.raw_recording),
             "recording_error": self.recording_error,
             **asdict(self.counters),
         }
