@@ -89,7 +89,7 @@ def test_tcp_connects_anew_when_nothing_comes(monkeypatch):
         source = open_source(f"tcp:127.0.0.1:{server.getsockname()[1]}", ReadOptions(), speed=1)
         with running(source) as events:
             connections = [server.accept(), server.accept()]
-            until(lambda: events.count(Connected(midway=True)) == 2)
+            until(lambda: events.count(Connected()) == 2)
             assert Lost("no answer") in events
         for connection, _ in connections:
             connection.close()
