@@ -127,6 +127,13 @@ def from_rotation_vector(phi: Array) -> Array:
     return np.concatenate([phi / 2 * np.sinc(half / np.pi), np.cos(half)], axis=-1)
 
 
+def quaternion_nb(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
+    """Quaternion (x, y, z, w) that takes body vectors to the navigation frame, shape (..., 4): mat_bn transposed."""
+    angles = np.stack(np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (roll, pitch, heading))), axis=-1)
+    about_x, about_y, about_z = (from_rotation_vector(angles[..., i : i + 1] * np.eye(3)[i]) for i in range(3))
+    return multiply(about_z, multiply(about_y, about_x))
+
+
 def attitude_path(gyro_b: Array, *, rate_hz: float) -> tuple[Array, Array]:
     """Attitude of the body against its start, by integrating the gyro.
 

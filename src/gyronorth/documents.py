@@ -184,8 +184,10 @@ class LiveState(TypedDict):
     """What a live session says beside its heading; counters of its input follow."""
 
     state: Literal["waiting", "running", "stopped", "ended", "failed"]
-    fitness: Literal["aligning", "degraded", "valid", "invalid"]
+    fitness: Literal["aligning", "degraded", "valid", "held", "invalid"]
     age_s: float | None
+    held_s: float | None
+    rate_of_turn_deg_min: float | None
     replay: bool
     source: str
     protocol: str | None

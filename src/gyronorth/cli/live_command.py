@@ -19,6 +19,7 @@ from gyronorth.cli.options import (
     number,
     with_reading,
 )
+from gyronorth.report.nmea import SETS
 
 if TYPE_CHECKING:
     from gyronorth.live.nmea_out import NmeaOut
@@ -34,6 +35,13 @@ DECLARED = (
 PAGE = "Page"
 #: Whether the session is over is looked at so often, s.
 LOOKS = 0.1
+
+
+def nmea_set_name(text: str) -> str:
+    """A set of sentences by its name."""
+    if text not in SETS:
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(SETS)}")
+    return text
 
 
 @app.command()
@@ -71,11 +79,20 @@ def live(
     nmea_out: Annotated[
         str | None,
         typer.Option(
-            metavar="tcp|udp:HOST:PORT",
-            help="Serve (tcp) or send (udp) HETHS, HEHDT and a status sentence.",
+            metavar="tcp|udp:HOST:PORT|serial:DEV[:BAUD]",
+            help="Serve (tcp) or send (udp, serial) NMEA 0183 sentences.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
+    nmea_set: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(SETS),
+            parser=nmea_set_name,
+            help="Which sentences: " + "; ".join(f"{name} {words}" for name, words in SETS.items()) + ".",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = "standard",
     output_rate: Annotated[
         Any,
         typer.Option(
@@ -151,7 +168,9 @@ def live(
     server = _page(session, host=host, port=int(port), token=token) if page else None
     out = None
     if nmea_out is not None:
-        out = nmea.NmeaOut(nmea.parse_target(nmea_out), rate_hz=output_rate, status=lambda: session.status)
+        out = nmea.NmeaOut(
+            nmea.parse_target(nmea_out), rate_hz=output_rate, status=lambda: session.status, kind=nmea_set
+        )
     return _run(session, server, out, as_json=as_json, interval=1 / output_rate)
 
 

@@ -18,6 +18,7 @@ from gyronorth.findings import Finding
 from gyronorth.frames import protocol_info
 from gyronorth.live.estimation import Estimation, LiveEstimate
 from gyronorth.live.events import Bytes, ByteSource, Connected, Ended, Lost, SourceEvent
+from gyronorth.live.holding import LONGEST_GAP, Holding
 from gyronorth.live.reader import LINES, UNKNOWN, StreamReader
 from gyronorth.live.recorder import RawRecorder, Recorder, utc_now
 from gyronorth.live.rows import Form, LiveRows, RowBatch
@@ -99,6 +100,8 @@ class Session:
         self._proven = False  # whether they could be of any
         self._marks: list[Mark] = []
         self._found: LiveEstimate | None = None
+        self._holding: Holding | None = None
+        self._held_from: LiveEstimate | None = None  # the latest estimate that it took
         self._failure: str | None = None  # of the estimator
         self._state = "waiting"
         self._trouble = "connecting"
@@ -222,6 +225,7 @@ class Session:
         self._finish_stretch()
         self._reader.begin_raw()
         self._state, self._shown, self._found, self._failure = "waiting", None, None, None
+        self._holding = None
 
     def _data(self, data: bytes) -> None:
         if "stalled" in self._trouble:
@@ -318,6 +322,7 @@ class Session:
         if stretch.samples == len(gyro_b):
             if self._recorder is not None:
                 self._recorder.rate(rate_hz)
+            self._holding = Holding(rate_hz, stretch.latitude, self.settings.sensor)
             self._estimation.begin(
                 StreamingHeading(
                     rate_hz=rate_hz,
@@ -329,8 +334,20 @@ class Session:
                     session=stretch.stated.session,
                 )
             )
-        bias = self.settings.gyro_bias
-        self._estimation.put(gyro_b if bias is None else gyro_b - bias, accel_b)
+        if self.settings.gyro_bias is not None:
+            gyro_b = gyro_b - self.settings.gyro_bias
+        self._hold(gyro_b, broken=stretch.longest_gap > LONGEST_GAP * rate_hz)
+        self._estimation.put(gyro_b, accel_b)
+
+    def _hold(self, gyro_b: Array, *, broken: bool) -> None:
+        """Carry the heading on by new samples, and from the latest estimate."""
+        holding, found = self._holding, self._found
+        if holding is None:
+            return
+        holding.add(gyro_b, broken=broken)
+        if found is not None and found is not self._held_from:
+            holding.found(found.estimate, found.samples)
+            self._held_from = found
 
     def _begin(self, batch: RowBatch, why: str, *, timeline: Timeline | None = None) -> Stretch:
         """A new stretch, with a recording of its own."""
@@ -351,6 +368,7 @@ class Session:
                 raw=self._raw_recorder.path if self._raw_recorder and self._raw_recorder.files else None,
             )
         self._estimation.begin(None)
+        self._holding = None
         self._state, self._marks, self._found, self._failure = "running", [], None, None
         self._usable = True
         return stretch
@@ -471,8 +489,14 @@ class Session:
             findings.append(Finding("stalled", message, silent, STALL))
         if self._failure:
             findings.append(Finding("not_computed", self._failure))
+        holding, found = self._holding, self._found
+        held = None
+        if holding is not None and found is not None:
+            held = holding.held(found.estimate, limit=self.settings.require_sigma)
         self._status = replace(
             self._status,
+            held=held,
+            rate_of_turn=None if holding is None else holding.rate_of_turn,
             state=self._state,  # type: ignore[arg-type]
             connected=not self._trouble,
             trouble=self._trouble,

@@ -6,7 +6,6 @@ and serial sources come back by themselves when the connection breaks.
 
 from __future__ import annotations
 
-import os
 import re
 import socket
 import sys
@@ -18,6 +17,7 @@ from gyronorth.errors import InputError
 from gyronorth.live.binding import bound_socket
 from gyronorth.live.events import CHUNK, Bytes, ByteSource, Connected, Emit, Ended, Lost, SourceEvent
 from gyronorth.live.replay import open_replay
+from gyronorth.live.serial_out import serial_of
 from gyronorth.readers.options import ReadOptions
 
 #: Waits between attempts to connect, s: the first, and the longest.
@@ -146,18 +146,8 @@ class SerialPort:
     live = True
 
     def __init__(self, name: str, device: str, baud: int) -> None:
-        try:
-            import serial
-        except ImportError:
-            raise InputError("A serial port needs pyserial: install gyronorth[live].") from None
-        if Path(device).exists() and not os.access(device, os.R_OK | os.W_OK):
-            raise InputError(
-                f"SOURCE {name}: {device} may not be opened by this user. On Debian: sudo adduser $USER dialout, and "
-                "log in again."
-            )
-        if not Path(device).exists() and not Path(device).parent.is_dir():
-            raise InputError(f"SOURCE {name}: there is no device {device}; example: serial:/dev/ttyUSB0:115200.")
-        self.name, self._device, self._baud, self._serial = name, device, baud, serial
+        self._serial = serial_of(f"SOURCE {name}", device)
+        self.name, self._device, self._baud = name, device, baud
 
     def run(self, emit: Emit, stop: Event) -> None:
         """Hand over everything that comes, until `stop` is set or nothing more can come."""

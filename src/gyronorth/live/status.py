@@ -6,20 +6,24 @@ Whether the heading may be used is decided here alone; page, JSON lines and NMEA
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
-from math import degrees
+from math import degrees, pi
 from pathlib import Path
 from typing import Any, Literal
 
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
 from gyronorth.live.estimation import LiveEstimate
+from gyronorth.live.holding import Held
 
 #: waiting: no row has come yet. ended: the source has nothing more.
 State = Literal["waiting", "running", "stopped", "ended", "failed"]
-#: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
-Fitness = Literal["aligning", "degraded", "valid", "invalid"]
+#: aligning: more time helps. degraded: a heading, less certain than required. held: carried on by the gyro since the
+#: unit moved. invalid: it must not be used.
+Fitness = Literal["aligning", "degraded", "valid", "held", "invalid"]
 #: A session that has not looked at its source for so long, s, answers for nothing.
 UNATTENDED = 3.0
+#: Half width of the 95 % interval of a normal law, sigma.
+NORMAL_95 = 1.96
 #: Codes that more time of standing still takes away.
 ALIGNING = frozenset({"too_short", "too_noisy"})
 
@@ -67,6 +71,8 @@ class Status:
     counters: Counters = Counters()
     last_garbage: str = ""
     found: LiveEstimate | None = None
+    held: Held | None = None  # the heading carried on, where the unit has moved since the last valid estimate
+    rate_of_turn: float | None = None  # rad/s, positive to starboard
     age: float | None = None  # s since the estimate was made
     unattended: float = 0.0  # s since the session last looked at its source
     findings: tuple[Finding, ...] = ()  # reasons beside those of the estimate
@@ -93,9 +99,28 @@ class Status:
 
     @property
     def estimate(self) -> HeadingEstimate | None:
-        """The latest estimate with every reason not to use it now, also that nothing is measured any more."""
+        """What is given out: the latest estimate, or the heading that is held, with every reason not to use it now."""
         measured = self.measured
+        if measured is not None and self.held is not None:
+            measured = self._carried(measured, self.held)
         return measured and replace(measured, reasons=(*measured.reasons, *self._past()))
+
+    def _carried(self, estimate: HeadingEstimate, held: Held) -> HeadingEstimate:
+        """The heading that is held, in the words of an estimate."""
+        half = min(NORMAL_95 * held.sigma, pi)
+        low, high = (held.heading - half) % (2 * pi), (held.heading + half) % (2 * pi)
+        carried = replace(
+            estimate,
+            heading=held.heading,
+            sigma=held.sigma,
+            interval95=(low, high) if half < pi else (0.0, 2 * pi),
+            method="held",
+            method_reason=f"carried on by the gyro for {held.since:.0f} s, as the unit has moved",
+            roll=held.roll,
+            pitch=held.pitch,
+            sigma_parts={},
+        )
+        return replace(carried, reasons=(*self.findings, *_too_uncertain(carried, self.require_sigma)))
 
     @property
     def fitness(self) -> Fitness:
@@ -105,7 +130,7 @@ class Status:
         if estimate is None:
             return "aligning" if self.state in ("waiting", "running") and not self.findings else "invalid"
         if not codes:
-            return "valid"
+            return "valid" if self.held is None else "held"
         if codes & ALIGNING and codes <= ALIGNING | {"sigma_required"}:
             return "aligning"
         return "degraded" if codes == {"sigma_required"} else "invalid"
@@ -129,6 +154,8 @@ class Status:
             "state": self.state,
             "fitness": self.fitness,
             "age_s": self.age,
+            "held_s": None if self.held is None else self.held.since,
+            "rate_of_turn_deg_min": None if self.rate_of_turn is None else degrees(self.rate_of_turn) * 60,
             "replay": self.replay,
             "source": self.source,
             "protocol": self.protocol or None,

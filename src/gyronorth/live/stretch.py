@@ -54,6 +54,7 @@ class Stretch:
             )
         self.samples = 0
         self.gaps = 0
+        self.longest_gap = 0  # samples that were missing at one place, among the latest rows
         self.strays = 0  # rows left out before they came here: their time repeats or runs backwards
         self.objection: Finding | None = None  # what the checks of units and axes say
         self._regulariser = GridBuilder(self._source, self.declared, options)
@@ -133,6 +134,7 @@ class Stretch:
         samples = self._regulariser.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
         self.samples += len(samples)
         self.gaps += len(self._regulariser.gaps)
+        self.longest_gap = max((gap.samples for gap in self._regulariser.gaps), default=0)
         self._regulariser.gaps.clear()
         self._check(samples)
         return self._split(samples)
