@@ -30,9 +30,9 @@ def recording(sensor, *, turn=TURN, after=60.0, seed=0):
     )  # fmt: skip
 
 
-def stood(recording, sensor, *, until=STAND):
+def stood(recording, sensor, *, until=STAND, profile=WHITE):
     """Holding that has seen the stand and two estimates of it, and the second of these."""
-    holding = Holding(RATE_HZ, LATITUDE, sensor)
+    holding = Holding(RATE_HZ, LATITUDE, profile and sensor)
     early, late = (round((until - wait) * RATE_HZ) for wait in (GUARD + 1, 0))
     for first, last in ((0, early), (early, late)):
         holding.add(recording.gyro_b[first:last])
@@ -127,8 +127,7 @@ def test_it_ends_where_nothing_is_known_any_more():
     holding.add(unit.gyro_b[:5], broken=True)  # a gap hides how it turned
     assert holding.held(refused, limit=None) is None
     assert holding.rate_of_turn is None
-    without, _ = stood(unit, WHITE)
-    without._law = None  # no profile: how sigma grows is not known
+    without, _ = stood(unit, WHITE, profile=None)  # how sigma grows is not known
     without.add(unit.gyro_b[at:])
     assert without.held(refused, limit=None) is None
     assert without.rate_of_turn is not None
