@@ -9,22 +9,36 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
+from fastapi import FastAPI
 from nicegui import events, ui
 
 from gyronorth.errors import InputError
 from gyronorth.live import drawing, wording
 from gyronorth.live.reporting import write_report
+from gyronorth.live.serving import RECORDING_URL, REPORT_URL
 from gyronorth.live.session import Session
 
 #: Redrawn so often, s.
 REDRAWN = 1.0
 #: What a button did is shown after so long, s.
 SHOWN_AFTER = 0.3
-#: Where the files of a session can be had.
-RECORDING_URL, REPORT_URL = "/recording", "/report"
 #: Key -> what it does, as the page says it.
 KEYS = {"s": "start", "t": "stop", "m": "mark", "v": "save", "d": "light or dark"}
 STYLE, SCRIPT = (Path(__file__).with_name(name) for name in ("page.css", "page.js"))
+
+
+def attach(app: FastAPI, session: Session) -> None:
+    """Serve the page from an application."""
+    ui.run_with(
+        app,
+        root=lambda: build(session),
+        title="gyronorth live",
+        dark=None,
+        language="en-GB",
+        favicon="🧭",
+        tailwind=False,
+        show_welcome_message=False,
+    )
 
 
 def build(session: Session) -> None:

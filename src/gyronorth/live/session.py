@@ -19,6 +19,7 @@ from gyronorth.frames import protocol_info
 from gyronorth.live.estimation import Estimation, LiveEstimate
 from gyronorth.live.events import Bytes, ByteSource, Connected, Ended, Lost, SourceEvent
 from gyronorth.live.holding import LONGEST_GAP, Holding
+from gyronorth.live.position import Position
 from gyronorth.live.reader import LINES, UNKNOWN, StreamReader
 from gyronorth.live.recorder import RawRecorder, Recorder, utc_now
 from gyronorth.live.rows import Form, LiveRows, RowBatch
@@ -53,6 +54,7 @@ class LiveSettings:
     deviation: DeviationModel | None = None
     save: Path | None = None
     require_sigma: float | None = None  # rad
+    position: Position | None = None  # tells the latitude, where it is not declared
 
 
 @dataclass(frozen=True)
@@ -376,6 +378,8 @@ class Session:
     def _new_stretch(self, form: Form) -> Stretch:
         """A stretch by what the stream states now or, where that does not hold, by what it stated before."""
         name, reading, known = self._source.name, self.settings.reading, self._facts
+        if self.settings.position is not None:
+            reading = replace(reading, latitude=self.settings.position.latitude)
         self._statements = self._reader.statements
         try:
             stated = self._reader.facts()
