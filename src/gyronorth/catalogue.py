@@ -233,3 +233,14 @@ KINDS = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "known")
 SLOW = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "slow")
 HELD_OUT = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "held_out")
 PLATFORM = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "platform")
+
+
+#: Sets of NMEA sentences that a running instrument sends: name -> what it holds.
+NMEA_SETS = {
+    "standard": "HETHS, HEHDT, HEROT",
+    "ths": "HETHS, HEROT",
+    "hdt": "HEHDT, HEROT",
+    "octans": "HEHDT, PHTRO, PHINF",
+}
+#: Estimators that `allan --export` writes a profile for.
+ALLAN_EXPORTS = ("kalibr", "openvins", "kf-gins", "navtk")

@@ -27,6 +27,15 @@ class PoseDocument(TypedDict):
     heading_deg: float | None
 
 
+class OrientationDocument(TypedDict):
+    """The attitude for estimators: body forward-right-down, n north-east-down; see `gyronorth.attitude`."""
+
+    quaternion_nb_xyzw: list[float]
+    matrix_nb: list[list[float]]
+    covariance_n_rad2: list[list[float]] | None
+    yaw_enu_deg: float
+
+
 class DisturbanceDocument(TypedDict):
     """What a method that models disturbance found."""
 
@@ -70,6 +79,7 @@ class HeadingDocument(TypedDict):
     scale_factor_ppm: list[float] | None
     scale_factor_sigma_ppm: list[float] | None
     disturbance: DisturbanceDocument | None
+    orientation: OrientationDocument | None
 
 
 class PlanDocument(TypedDict):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
+from gyronorth.attitude import Orientation, orientation
 from gyronorth.findings import Finding
 
 #: Error budget that the JSON always names, null where the method or the lack of a profile leaves them unknown.
@@ -117,6 +118,23 @@ class HeadingEstimate:
         return None if self.sensor_errors is None else self.sensor_errors.bias
 
     @property
+    def orientation(self) -> Orientation | None:
+        """Quaternion, matrix, covariance and yaw of the attitude; None without a heading, roll and pitch."""
+        if self.heading is None or self.roll_deg is None or self.pitch_deg is None:
+            return None
+        assert self.roll is not None
+        assert self.pitch is not None
+        return orientation(
+            self.roll,
+            self.pitch,
+            self.heading,
+            sigma=self.sigma,
+            levelling=self.sigma_parts.get("levelling"),
+            latitude=self.latitude,
+            method=self.method,
+        )
+
+    @property
     def heading_deg(self) -> float | None:
         """`heading` in degrees."""
         return _degrees(self.heading)
@@ -204,6 +222,7 @@ class HeadingEstimate:
             "scale_factor_ppm": _scaled(errors and errors.scale_factor, 1e-6),
             "scale_factor_sigma_ppm": _scaled(errors and errors.scale_factor_sigma, 1e-6),
             "disturbance": None if self.disturbance is None else self.disturbance.to_json(),
+            "orientation": None if (found := self.orientation) is None else found.to_json(),
         }
 
 

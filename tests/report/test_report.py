@@ -16,6 +16,7 @@ from pynmeagps import NMEAReader
 
 from gyronorth.allan import allan_deviation
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.catalogue import NMEA_SETS
 from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, DisturbanceFound, HeadingEstimate, Pose, Turn
 from gyronorth.findings import Finding
@@ -129,7 +130,7 @@ class TestNmea:
         assert payload[6] == "7"
         assert payload[7] == "rate_norm;implied_latitude;motion"  # the count tells that more did not fit
 
-    @pytest.mark.parametrize("kind", list(nmea.SETS))
+    @pytest.mark.parametrize("kind", list(NMEA_SETS))
     @pytest.mark.parametrize("mode", ["A", "E", "S"])
     def test_a_set_is_read_back_by_another_program(self, kind, mode):
         turned = replace(VALID, roll=radians(1.25), pitch=radians(-3.5))
@@ -146,7 +147,7 @@ class TestNmea:
         else:
             assert (parsed["HEROT"].rot, parsed["HEROT"].valid) == ((-30.0, "A") if mode != "S" else ("", "V"))
 
-    @pytest.mark.parametrize("kind", list(nmea.SETS))
+    @pytest.mark.parametrize("kind", list(NMEA_SETS))
     @pytest.mark.parametrize("estimate", [None, REFUSED, UNKNOWN])
     def test_no_set_gives_an_invalid_heading(self, kind, estimate):
         lines = nmea.running_sentences(estimate, kind=kind, mode="A", rate_of_turn=None)
@@ -388,7 +389,7 @@ def test_json_keys_are_those_of_the_design():
     example = """schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg
         pitch_deg latitude_deg sensor duration_s rate_hz end_time_utc poses sigma_parts_deg gyro_bias_deg_h
         rate_mean_deg_h rate_norm_deg_h implied_latitude_deg gyro_bias_sigma_deg_h scale_factor_ppm
-        scale_factor_sigma_ppm disturbance"""
+        scale_factor_sigma_ppm disturbance orientation"""
     assert list(VALID.to_json()) == example.split()
     assert json.loads(json.dumps(VALID.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
 

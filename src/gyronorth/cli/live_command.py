@@ -1,4 +1,4 @@
-"""gyronorth live: the heading of a stream of lines, on a page, as NMEA or as JSON lines, with its recording."""
+"""gyronorth live: the heading of what a unit sends, on a page, as NMEA or as JSON lines, with its recording."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gyronorth.catalogue import NMEA_SETS
 from gyronorth.cli.app import app
 from gyronorth.cli.config import take_config
 from gyronorth.cli.correction import AnySession, Deviation, GyroBias, curve_and_method
+from gyronorth.cli.live_options import LEVELS, latitude_or_receiver, log_level_name, nmea_set_name
 from gyronorth.cli.options import (
     OUTPUT,
     SITE,
@@ -23,7 +25,6 @@ from gyronorth.cli.options import (
     number,
     with_reading,
 )
-from gyronorth.report.nmea import SETS
 
 if TYPE_CHECKING:
     from gyronorth.live.nmea_out import NmeaOut
@@ -38,43 +39,11 @@ DECLARED = (
     "protocol", "increments", "imu", "accel_range",
 )  # fmt: skip
 PAGE = "Page"
-#: How much is told on standard error.
-LEVELS = ("debug", "info", "warning", "error")
 #: The counters are told so often, s, at the level "debug".
 COUNTED = 10.0
 log = logging.getLogger("gyronorth.live")
 #: Whether the session is over is looked at so often, s.
 LOOKS = 0.1
-
-
-def latitude_or_receiver(text: str) -> float | str:
-    """A latitude, rad, or the stream that tells it."""
-    from gyronorth.errors import InputError
-    from gyronorth.live.position import check_kind
-
-    try:
-        float(text)
-    except ValueError:
-        try:
-            check_kind(text)
-        except InputError as error:
-            raise typer.BadParameter(str(error)) from None
-        return text
-    return degrees("a latitude of -90 to 90 degrees", "32.11", low=-90, high=90)(text)
-
-
-def log_level_name(text: str) -> str:
-    """A level of logging by its name."""
-    if text not in LEVELS:
-        raise typer.BadParameter(f"{text!r} is not one of {', '.join(LEVELS)}")
-    return text
-
-
-def nmea_set_name(text: str) -> str:
-    """A set of sentences by its name."""
-    if text not in SETS:
-        raise typer.BadParameter(f"{text!r} is not one of {', '.join(SETS)}")
-    return text
 
 
 @app.command()
@@ -147,9 +116,9 @@ def live(
     nmea_set: Annotated[
         str,
         typer.Option(
-            metavar="|".join(SETS),
+            metavar="|".join(NMEA_SETS),
             parser=nmea_set_name,
-            help="Which sentences: " + "; ".join(f"{name} {words}" for name, words in SETS.items()) + ".",
+            help="Which sentences: " + "; ".join(f"{name} {words}" for name, words in NMEA_SETS.items()) + ".",
             rich_help_panel=OUTPUT,
         ),
     ] = "standard",
@@ -405,7 +374,7 @@ def _what_came(status: Status) -> str:
     if count.implausible:
         return f"{text} Check --gyro-unit and --accel-unit."
     return (
-        f"{text} Rows of numbers with commas between them are expected, below a header such as t,w_x,w_y,w_z,f_x,f_y,"
-        "f_z, or without one of 3, 4, 6 or 7 numbers; --columns declares others. Most likely this is not the output "
-        "of the sensor, or comes at another baud rate or in binary form."
+        f"{text} Frames of a known protocol are expected, or rows of numbers with commas between them, below a header "
+        "such as t,w_x,w_y,w_z,f_x,f_y,f_z, or without one of 3, 4, 6 or 7 numbers; --columns declares others. Most "
+        "likely this is not the output of the sensor, or comes at another baud rate."
     )

@@ -60,7 +60,7 @@ def parse_target(text: str) -> Target:
 
 
 def status_sentences(status: Status, kind: str = "standard") -> str:
-    """What is sent of a status, in the sentences of a set of `report.nmea.SETS`."""
+    """What is sent of a status, in the sentences of a set of `catalogue.NMEA_SETS`."""
     mode = "S" if status.replay else "E" if status.held is not None else "A"
     turn = status.rate_of_turn if status.state == "running" and status.unattended <= UNATTENDED else None
     return "".join(running_sentences(status.estimate, kind=kind, mode=mode, rate_of_turn=turn))

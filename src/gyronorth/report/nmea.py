@@ -40,13 +40,6 @@ if TYPE_CHECKING:
 LONGEST = 82
 #: Below this sigma, deg, a heading has two decimals.
 FINE = 0.1
-#: Names of the sets of sentences: what they hold, for --help.
-SETS = {
-    "standard": "HETHS, HEHDT, HEROT",
-    "ths": "HETHS, HEROT",
-    "hdt": "HEHDT, HEROT",
-    "octans": "HEHDT, PHTRO, PHINF",
-}
 #: Mode of HETHS.
 Mode = Literal["A", "E", "S", "V"]
 #: Status word of PHINF: bits of what is not valid.
@@ -70,7 +63,7 @@ def running_sentences(
     estimate : HeadingEstimate or None
         What is given out now; None before the first.
     kind : str
-        A set of `SETS`.
+        A set of `catalogue.NMEA_SETS`.
     mode : str
         How the heading came about, as HETHS says it; one that is not valid has "V" whatever this is.
     rate_of_turn : float or None
