@@ -163,7 +163,7 @@ def test_the_page_is_invalid_after_stop_and_end_and_when_the_server_dies(tmp_pat
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1180, "height": 900})
         verdict = page.locator("[data-verdict]")
-        with live(tmp_path, "turned.csv", "--speed", "5", "--sensor", "hg9900") as (url, process):
+        with live(tmp_path, "turned.csv", "--speed", "2", "--sensor", "hg9900") as (url, process):
             page.goto(url)
             expect(verdict).to_contain_text("Valid", timeout=60_000)
             watch, alarm = page.locator("[data-watch]"), page.locator("[data-alarm]")
