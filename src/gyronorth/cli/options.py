@@ -254,10 +254,15 @@ READING: dict[str, tuple[Any, Any]] = {
     ),
     "increments": (
         Annotated[
-            bool,
-            typer.Option("--increments", help="The file holds increments per sample, not rates.", rich_help_panel=FILE),
+            bool | None,
+            typer.Option(
+                "--increments/--no-increments",
+                help="The file holds increments per sample, or rates.",
+                show_default=False,
+                rich_help_panel=FILE,
+            ),
         ],
-        False,
+        None,
     ),
     "columns": (
         Annotated[
@@ -298,6 +303,27 @@ READING: dict[str, tuple[Any, Any]] = {
                 metavar="NAME",
                 autocompletion=completion.protocol,
                 help="Protocol of a capture of a unit's frames; by default told by their checksums.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "imu": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME", help="IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300.", rich_help_panel=FILE
+            ),
+        ],
+        None,
+    ),
+    "accel_range": (
+        Annotated[
+            Any,
+            typer.Option(
+                metavar="G",
+                parser=number("a range of 5, 10, 30 or 80 g", "10", low=5, high=80),
+                help="Accelerometer range of STIM datagrams, g.",
                 rich_help_panel=FILE,
             ),
         ],
@@ -350,7 +376,8 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     from gyronorth.readers import ReadOptions
 
     given = {name: value for name, value in values.items() if value is not None}
-    fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
+    names = {"rate": "rate_hz", "accel_range": "accel_range_g"}
+    fields = {names.get(name, name): value for name, value in given.items()}
     for option, (field, value) in zip(given, fields.items(), strict=True):
         try:
             ReadOptions(**{field: value})

@@ -15,7 +15,7 @@ from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import Declared, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.plausible import check_axes, check_flags, check_units
 from gyronorth.readers.registry import open_source
 from gyronorth.readers.source import Source
 from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
@@ -253,6 +253,7 @@ class Reading:
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
+        notes += check_flags(self.regulariser.flagged, self.regulariser.samples, name=self.source.name)
         if self.regulariser.jitter > JITTER:
             message = (
                 f"The time stamps of {self.source.name} scatter by {self.regulariser.jitter:.2f} sample intervals "
