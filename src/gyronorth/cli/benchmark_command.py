@@ -35,6 +35,7 @@ def benchmark(
     An interrupted run is continued; a unit that is finished is not run again.
     """
     from gyronorth.files import no_empty_folder
+    from gyronorth.many.workers import executor_on
     from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark, studies_of
     from gyronorth.studies.study import StudyPlan
@@ -52,9 +53,11 @@ def benchmark(
     )
     studies_of(name, tuple(study or ()))
     plan.source()  # both refuse before any work
-    with no_empty_folder(output), units_done() as progress:
-        written = run_benchmark(
-            name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress
-        )
+    with (
+        no_empty_folder(output),
+        executor_on(scheduler, workers=workers) as executor,
+        units_done() as progress,
+    ):
+        written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
     for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))
