@@ -353,7 +353,7 @@ class TestWriting:
         raise OSError(28, "No space left on device")
 
     def test_csv(self, rec, tmp_path, monkeypatch):
-        monkeypatch.setattr(csv.DictWriter, "writerows", self.fail)
+        monkeypatch.setattr(csv, "writer", self.fail)
         self.check(tmp_path, "out.csv", "heading", rec, "--csv", tmp_path / "out.csv")
 
     def test_plot(self, rec, tmp_path, monkeypatch):

@@ -58,14 +58,14 @@ def benchmark(
     """
     from gyronorth.cli.options import check_drawing
     from gyronorth.files import no_empty_folder
-
-    check_drawing("gyronorth benchmark")
+    from gyronorth.many.workers import executor_on
     from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark, studies_of
     from gyronorth.studies.expected import told as told_before
     from gyronorth.studies.source import passed_over_text
     from gyronorth.studies.study import StudyPlan
 
+    check_drawing("gyronorth benchmark")
     values: dict[str, Any] = {
         "seed": seed,
         "splits": splits,
@@ -86,9 +86,11 @@ def benchmark(
     if name == "paper":
         jobs = [job for one in studies_of(name, tuple(study or ())) for job in one.units(plan)]
         typer.echo(told_before(jobs, output, workers), err=True)
-    with no_empty_folder(output), units_done() as progress:
-        written = run_benchmark(
-            name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress
-        )
+    with (
+        no_empty_folder(output),
+        executor_on(scheduler, workers=workers) as executor,
+        units_done() as progress,
+    ):
+        written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
     for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))
