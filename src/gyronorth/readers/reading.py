@@ -158,6 +158,7 @@ class Reading:
                 yield self.regulariser.push(block)
                 if self.regulariser.done:
                     break
+            yield self.regulariser.flush()
         except OSError as error:
             raise InputError(f"{self.source.name} cannot be read: {error}.") from None
         self._check_length()
