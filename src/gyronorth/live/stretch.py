@@ -163,6 +163,6 @@ class Stretch:
             check_units(samples, self.declared, rate_hz=rate_hz, name=self._source.name)
         except InputError as error:
             return Finding("units_suspect", str(error))
-        notes = check_axes(samples, self.declared, name=self._source.name) if samples.shape[1] == 6 else ()
+        notes = check_axes(samples, self.declared, name=self._source.name)
         blocking = [Finding(note.code, note.message, note.value, note.limit) for note in notes if note.blocking]
         return blocking[0] if blocking else None

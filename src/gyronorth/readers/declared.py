@@ -11,6 +11,7 @@ from gyronorth.errors import InputError
 from gyronorth.readers.axes import convention, mat_bf, mat_vb
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import FORCES, RATES, TIME, Source
+from gyronorth.recording import AxesOrigin
 
 #: Largest relative difference between a declared rate and the one that the file states.
 RATE_STATED_TOLERANCE = 1e-3
@@ -26,11 +27,16 @@ class Declared:
     gyro_unit: str
     accel_unit: str  # "" without an accelerometer
     axes: str  # three letters
-    axes_declared: bool  # by the user or the file, not by mere convention
+    axes_origin: AxesOrigin
     increments: bool
     mat_vf: NDArray[np.float64] | None  # file axes to vehicle axes, shape (3, 3); None: the same
     latitude: float | None  # rad
     heading_true: float | None  # rad
+
+    @property
+    def axes_declared(self) -> bool:
+        """Whether the user or the file says so, not mere convention."""
+        return self.axes_origin in ("stated", "declared")
 
     @property
     def scale(self) -> NDArray[np.float64]:
@@ -55,7 +61,8 @@ def resolve(source: Source, options: ReadOptions) -> Declared:
     if options.increments and source.ours:
         raise InputError(f"{name} was written by gyronorth and holds rates; leave --increments out.")
     declared_axes = options.axes or stated.axes
-    usual_axes = usual.axes or "frd"
+    usual_axes = stated.axes_assumed or usual.axes or "frd"
+    known = "format" if source.axes_defined and stated.axes_assumed is None else "assumed"
     mat = mat_bf(declared_axes or usual_axes)
     if options.axes and stated.axes and not np.array_equal(mat, mat_bf(stated.axes)):
         raise InputError(
@@ -71,7 +78,7 @@ def resolve(source: Source, options: ReadOptions) -> Declared:
         gyro_unit=gyro_unit,
         accel_unit=accel_unit,
         axes=convention(mat),
-        axes_declared=declared_axes is not None,
+        axes_origin="stated" if stated.axes else "declared" if options.axes else known,
         increments=options.increments or stated.increments,
         mat_vf=None if np.array_equal(turned, np.eye(3)) else turned,
         latitude=_latitude(source, options),

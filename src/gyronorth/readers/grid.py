@@ -142,10 +142,10 @@ class GridBuilder:
         rows = self._waiting
         if self._envelope is None:
             before = self._last_row if self._position >= 0 else rows.numbers[:1] - 1
-            steps = np.diff(rows.numbers, prepend=before).astype(float)
+            steps = np.asarray(np.diff(rows.numbers, prepend=before), dtype=np.float64)
         else:
             settled = self._envelope.take(stamps, last=last)
-            steps = 1.0 + settled.lost
+            steps = np.asarray(1.0 + settled.lost, dtype=np.float64)
             self._count(settled.late)
         now, self._waiting = rows.split(len(steps), last=last or len(steps) == len(rows.numbers))
         self._check_gaps(steps, now.numbers)
@@ -254,9 +254,9 @@ class GridBuilder:
         if share > MOST_REPEATED:
             rate_hz = 1 / (float(step[step >= 0].mean()) * clock.unit)
             raise InputError(
-                f"{clock.name} of {self._source.name} repeats the stamp before it in {share:.0%} of the rows, with other "
-                f"values: it is too coarse. By its mean step the rate is about {rate_hz:.5g} Hz. Leave it out and declare "
-                "the rate: --columns t=- --rate HZ."
+                f"{clock.name} of {self._source.name} repeats the stamp before it in {share:.0%} of the rows, with "
+                f"other values: it is too coarse. By its mean step the rate is about {rate_hz:.5g} Hz. Leave it out, "
+                f"and declare the rate: --columns t=- --rate {rate_hz:.5g}."
             )
 
     def _timeless(self, time: NDArray[np.float64], title: str) -> str:
@@ -443,9 +443,9 @@ class GridBuilder:
         if abs(over) > SPAN_TOLERANCE * samples + SPAN_SLACK * rate_hz + RESTART_ROWS:
             raise InputError(
                 f"Up to row {self._last_row} of {self._source.name}, {samples} samples at {rate_hz:.6g} Hz last "
-                f"{samples / rate_hz:.6g} s, but {self._source.clock.name} spans {(samples - over) / rate_hz:.6g} s: the "
-                "rate changes within the file, or its clock does. Take a part at one rate: --window START:END, or split "
-                "the file."
+                f"{samples / rate_hz:.6g} s, but {self._source.clock.name} spans {(samples - over) / rate_hz:.6g} s: "
+                "the rate changes within the file, or its clock does. Take a part at one rate: --window START:END, or "
+                "split the file."
             )
 
     def _check_gaps(self, steps: NDArray[np.float64], rows: NDArray[np.int64]) -> None:

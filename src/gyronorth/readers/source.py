@@ -25,6 +25,7 @@ class Facts:
     gyro_unit: str | None = None  # deg/s, rad/s or deg/h
     accel_unit: str | None = None  # m/s2 or g
     axes: str | None = None  # as in `axes.mat_bf`
+    axes_assumed: str | None = None  # the same, where nobody had said so before the file was written
     increments: bool = False  # values are per sample, not per second
     latitude: float | None = None  # rad
     heading_true: float | None = None  # rad
@@ -95,6 +96,7 @@ class Source:
     usual: Facts = Facts()  # what its format implies: a declaration overrules it
     clock: Clock | None = None  # meaning of column t; None when there is none
     ours: bool = False  # written by gyronorth, in SI
+    axes_defined: bool = False  # the usual axes are those that the format defines, not a mere habit
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read

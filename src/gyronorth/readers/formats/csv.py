@@ -80,6 +80,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         usual=_PUBLISHED if published else Facts(),
         clock=Clock(unit=1.0, name=titles[found[TIME]]) if TIME in found else None,
         ours=ours,
+        axes_defined=published,
         parts=text_parts(path, offset, row, layout),
     )
 
