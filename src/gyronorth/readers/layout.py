@@ -20,7 +20,9 @@ from gyronorth.readers.text import LONGEST_LINE
 from gyronorth.readers.times import time_text
 
 #: Bytes at the start that are looked at, bytes at the end, and lines of rows that are compared.
-HEAD, TAIL, COMPARED = 1 << 16, 1 << 12, 400
+HEAD, TAIL, COMPARED = 1 << 16, 1 << 12, 200
+#: Lines at the end of the start that decide how lines are cut into fields.
+DECIDING = 60
 #: Fewest numbers in a row: three rates.
 FEWEST = 3
 #: Most lines of a footer.
@@ -216,35 +218,27 @@ def _numbers(fields: Sequence[str], decimal: str) -> int:
 def _cut(lines: Sequence[str], name: str) -> tuple[str | None, str, int, int | None]:
     """Delimiter, decimal sign, fields of a row, and the first row (None without one)."""
     sample = [(i, line) for i, line in enumerate(lines) if _is_row_text(line)]
-    best: tuple[int, str | None, str, int, int | None] = (0, ",", ".", 0, None)
+    last = [line for _, line in sample[-DECIDING:]]
+    best: tuple[int, str | None, str, int] = (0, ",", ".", 0)
     for delimiter in DELIMITERS:
+        if delimiter is not None and not any(delimiter in line for line in last):
+            continue
+        rows = [split(line, delimiter) for line in last]
         for decimal in (".", ","):
-            counted = [(i, fields, _numbers(fields, decimal)) for i, fields in _fields(sample, delimiter)]
-            widths = Counter(len(fields) for _, fields, numbers in counted if numbers)
-            if not widths or (decimal == "," and not any("," in cell for _, row, n in counted if n for cell in row)):
+            counted = [(fields, _numbers(fields, decimal)) for fields in rows]
+            widths = Counter(len(fields) for fields, numbers in counted if numbers)
+            if not widths or (decimal == "," and not any("," in cell for row, n in counted if n for cell in row)):
                 continue
             width = widths.most_common(1)[0][0]
-            score = sum(numbers for _, fields, numbers in counted if len(fields) == width)
-            first = next(i for i, fields, numbers in counted if numbers and len(fields) == width)
+            score = sum(numbers for fields, numbers in counted if len(fields) == width)
             if score > best[0]:
-                best = (score, delimiter, decimal, width, first)
-    _, delimiter, decimal, width, first = best
+                best = (score, delimiter, decimal, width)
+    _, delimiter, decimal, width = best
+    cut = ((i, split(line, delimiter)) for i, line in sample if width)
+    first = next((i for i, fields in cut if len(fields) == width and _numbers(fields, decimal)), None)
     if first is not None and delimiter == "," and decimal == ".":
         _reject_two_meanings([split(line, ",") for i, line in sample if i >= first][:50], lines[:first], name)
     return delimiter, decimal, width, first
-
-
-def _fields(sample: Sequence[tuple[int, str]], delimiter: str | None) -> list[tuple[int, list[str]]]:
-    """The lines cut into fields: all of the first ones, then only as many as are compared."""
-    cut = []
-    rows = 0
-    for i, line in sample:
-        fields = split(line, delimiter)
-        rows += len(fields) >= FEWEST and is_number(fields[-1] or fields[-2])
-        cut.append((i, fields))
-        if rows >= COMPARED // 4:
-            break
-    return cut
 
 
 def _reject_two_meanings(rows: list[list[str]], above: Sequence[str], name: str) -> None:
