@@ -8,6 +8,7 @@ import shlex
 import numpy as np
 import pytest
 from cases.layouts import DPS, LAYOUTS, Layout
+from cases.more_layouts import MORE
 from numpy.testing import assert_allclose
 from typer.testing import CliRunner
 
@@ -15,6 +16,7 @@ from gyronorth.cli import app
 from gyronorth.earth import STANDARD_GRAVITY
 
 RUN = CliRunner()
+ALL = [*LAYOUTS, *MORE]
 
 
 def info(arguments):
@@ -31,7 +33,7 @@ def followed(result, layout: Layout):
     return RUN.invoke(app, [dict(layout.fill).get(word, word) for word in words], catch_exceptions=False)
 
 
-@pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
+@pytest.mark.parametrize("layout", ALL, ids=lambda layout: layout.name)
 def test_a_layout_gives_the_truth(tmp_path, layout):
     (tmp_path / layout.name).write_bytes(layout.content)
     result = info([str(tmp_path / layout.name), *layout.options])
@@ -51,5 +53,5 @@ def test_a_layout_gives_the_truth(tmp_path, layout):
 
 
 def test_the_names_differ():
-    assert len({layout.name for layout in LAYOUTS}) == len(LAYOUTS) >= 100
+    assert len({layout.name for layout in ALL}) == len(ALL) >= 100
     assert np.isfinite(DPS).all()

@@ -53,6 +53,9 @@ def by_titles(
             columns |= {name: name for name in there}
         else:
             candidates = [each for each in found if each.kind == kind]
+            # Phones call linear what has gravity taken out.
+            plain = [each for each in candidates if "linear" not in each.label.lower()]
+            candidates = plain or candidates
             triple = candidates[0] if candidates else None
             if len(candidates) > 1:
                 questions.append(_which(kind, ours, candidates, titles))

@@ -35,7 +35,7 @@ COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[+-]?\d+(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 _RATE = re.compile(
-    r"(?:sampl\w*|update|data|output|imu|log\w*)?[ _-]*(?:rate|freq\w*|odr)\W{0,8}"
+    r"(?:sampl\w*|update|data|output|imu|log\w*)?[ _-]*(?:rate|freq\w*|odr|fs)\W{0,8}"
     r"(\d+(?:\.\d+)?)[\s\",;]*(hz|khz)?\s*\W*$",
     re.IGNORECASE,
 )
@@ -104,7 +104,7 @@ def sniff(path: Path) -> TextLayout:
     if len(lines) > 1 and (not whole or not lines[-1]):
         del lines[-1]  # the rest of a line, or nothing behind the last end
     _check_lines(lines, path.name, whole)
-    plain = [line.strip("\r\n\t ") if line_end == "\n" else line.strip() for line in lines]
+    plain = [line.strip("\r\n ") for line in lines]
     delimiter, decimal, width, first = _cut(plain, path.name)
     if first is None:
         encoding = _latin(body, encoding, len(lines))
@@ -113,7 +113,7 @@ def sniff(path: Path) -> TextLayout:
     encoding = _latin(body, encoding, first)
     if encoding == "latin-1":
         lines = body.decode(encoding).split(line_end)[: len(lines)]
-        plain = [line.strip() for line in lines]
+        plain = [line.strip("\r\n ") for line in lines]
     offset = skip + len("".join(line + line_end for line in lines[:first]).encode(encoding, errors="replace"))
     if encoding == "utf-8":  # damaged bytes above the rows have made it Latin-1
         offset = skip + _byte_offset(body, line_end, first)
@@ -125,7 +125,7 @@ def sniff(path: Path) -> TextLayout:
     trailing, titles, width = _trailing(titles, rows, width)
     usual = [row[:width] for row in rows if len(row) == width + trailing]
     texts = tuple(i for i in range(width) if _is_text([row[i] for row in usual], decimal))
-    end, footer = _footer(tail, size, encoding, line_end, delimiter, decimal)
+    end, footer = _footer(tail, size, encoding, line_end, delimiter, decimal, 0 in texts)
     if header_row is not None:
         preamble = tuple((row, line) for row, line in preamble if row not in (header_row, unit_row))
     body_lines = plain[first:]
@@ -298,8 +298,23 @@ def _titles(
         if unit_row is None and all(is_unit(cell) for cell in fields) and any(fields) and len(fields) == width:
             unit_row = row
             continue
-        return row, tuple(fields), unit_row
+        return row, _with_groups(lines, row, fields, delimiter), unit_row
     return None, (), None
+
+
+def _with_groups(lines: Sequence[str], row: int, fields: list[str], delimiter: str | None) -> tuple[str, ...]:
+    """Titles that are there twice, with the words of the row above; a word holds for the empty cells behind it."""
+    named = [cell for cell in fields if cell]
+    if len(set(named)) == len(named) or delimiter is None:
+        return tuple(fields)
+    groups = next((split(line, delimiter) for line in reversed(lines[:row]) if line.strip()), [])
+    if len(groups) != len(fields) or not any(groups):
+        return tuple(fields)
+    filled, last = [], ""
+    for cell in groups:
+        last = cell or last
+        filled.append(last)
+    return tuple(f"{group} {cell}".strip() for group, cell in zip(filled, fields, strict=True))
 
 
 def _as_titles(line: str, delimiter: str | None, width: int, marked: bool) -> list[str] | None:
@@ -334,7 +349,7 @@ def _is_text(column: Sequence[str], decimal: str) -> bool:
 
 
 def _footer(
-    tail: bytes, size: int, encoding: str, line_end: str, delimiter: str | None, decimal: str
+    tail: bytes, size: int, encoding: str, line_end: str, delimiter: str | None, decimal: str, text_first: bool
 ) -> tuple[int | None, int]:
     """Bytes before the words behind the last row, and how many lines these are."""
     if encoding.startswith("utf-16") and (size - len(tail)) % 2:
@@ -349,7 +364,10 @@ def _footer(
         if not line or line.startswith(COMMENT_MARKS):
             continue
         fields = split(line, delimiter)
-        if _numbers(fields, decimal) or not re.match(r'"?[A-Za-z\[<=*-]{2}', line) or count == LONGEST_FOOTER:
+        rows_like = _numbers(fields, decimal) and (
+            text_first or not re.match(r'"?[A-Za-z]{2}', line) or is_number(fields[0])
+        )
+        if rows_like or not re.match(r'"?[A-Za-z\[<=*-]{2}', line) or count == LONGEST_FOOTER:
             break
         kept, count = position, count + 1
     else:

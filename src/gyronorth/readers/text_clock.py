@@ -13,7 +13,7 @@ from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import TIME_UNITS
 from gyronorth.readers.source import Clock, Question
 from gyronorth.readers.text import ClockColumns
-from gyronorth.readers.times import WEEK, time_text
+from gyronorth.readers.times import DAY, WEEK, time_text
 from gyronorth.readers.titles import Title
 
 #: Sample rates, Hz, by which the unit of a time is told where no title states it; no two units share one.
@@ -65,6 +65,11 @@ def find_clock(
         raise InputError(f"{title} states {part.unit}; {time_unit} is declared. Leave --time-unit out, or correct it.")
     if position in layout.texts or ":" in layout.rows[0][position]:
         return _written(layout, position, title)
+    of_day = {kind: [i for i, each in enumerate(parts) if each.kind == kind] for kind in ("hour", "minute")}
+    if all(len(found) == 1 for found in of_day.values()):
+        hour, minute = of_day["hour"][0], of_day["minute"][0]
+        columns = ClockColumns((hour, minute, position), (3600.0, 60.0, 1.0))
+        return FoundClock(Clock(1.0, DAY, title), columns, position, f"hours, minutes and {title}")
     partner = _partner(parts, position)
     if partner is not None and parts[partner].kind == "week":
         unit = TIME_UNITS[time_unit or part.unit or "s"]

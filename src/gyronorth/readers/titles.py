@@ -53,7 +53,7 @@ OTHER_WORDS = frozenset(
 )
 TIME_WORDS = frozenset(
     """
-    time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
+    ts ss time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod
     """.split()  # noqa: SIM905
@@ -65,6 +65,11 @@ COUNTER_WORDS = frozenset(
     """.split()  # noqa: SIM905
 )
 _AXES = {"x": 0, "y": 1, "z": 2}
+#: Rates about the body axes, by the words of flight mechanics.
+_BODY_RATES = {
+    f"{name}{rate}": axis for axis, name in enumerate(("roll", "pitch", "yaw")) for rate in ("rate", "rates")
+}
+_BODY_RATES |= {"p": 0, "q": 1, "r": 2}
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]")
 _GLUED = re.compile(r"(.*[a-z])([xyz])")
@@ -119,8 +124,8 @@ def take_apart(title: str, unit: str = "") -> Title:
 
 def _behind_slash(title: str) -> tuple[str, str, str]:
     """Acc_X/g, Gyr_X/(deg/s), gyro x rad/s: the name and the unit behind it."""
-    blank = re.fullmatch(r"(.*\S)\s+(\S+/\S+)", title)
-    head, mark, behind = (blank[1], " ", blank[2]) if blank else title.partition("/")
+    last = re.fullmatch(r"(.*[^\s_])[\s_]+([^\s_/]+/[^_]+)", title)
+    head, mark, behind = (last[1], " ", last[2]) if last else title.partition("/")
     known = (GYRO_SPELLINGS, ACCEL_SPELLINGS, TIME_SPELLINGS, ANGLE_SPELLINGS)
     return (head, mark, behind) if mark and any(spelled(behind, table) for table in known) else (title, "", "")
 
@@ -138,7 +143,7 @@ def _title(words: list[str], axis: int | None, candidates: list[str]) -> Title:
                     break
             if found:
                 break
-    kind, increments = _kind(named, axis)
+    kind, increments = _kind(named, axis, found)
     unit = _unit_for(kind, found, increments)
     if kind in ("gyro", "accel") and unit is None and found and not increments:
         angle = found.get("angle" if kind == "gyro" else "velocity")
@@ -173,6 +178,8 @@ def _axis(words: list[str]) -> tuple[int | None, list[str]]:
     at = [i for i, word in enumerate(words) if word in _AXES]
     if at:
         return _AXES[words[at[-1]]], words[: at[-1]] + words[at[-1] + 1 :]
+    if "".join(words) in _BODY_RATES:
+        return _BODY_RATES["".join(words)], ["rate"]
     for i in range(len(words) - 1, -1, -1):
         match = _GLUED.fullmatch(words[i])
         if match and (match[1] in _STEMS or (i == 0 and match[1] in (*GYRO_LETTERS, *ACCEL_LETTERS, "d"))):
@@ -183,28 +190,41 @@ def _axis(words: list[str]) -> tuple[int | None, list[str]]:
     return None, words
 
 
-def _kind(words: list[str], axis: int | None) -> tuple[str, bool]:
+def _kind(words: list[str], axis: int | None, found: dict[str, str]) -> tuple[str, bool]:
+    """The kind of a column by its words, its axis and its unit, and whether it holds increments."""
+    if axis is not None and words and set(words) & OTHER_WORDS:
+        return "", False
+    kind, increments = ("", False) if axis is None else _sensor(words, found)
+    return (kind or (_other(words) if axis is None or not words else "")), increments
+
+
+def _sensor(words: list[str], found: dict[str, str]) -> tuple[str, bool]:
     have = set(words)
-    if axis is not None and not have & OTHER_WORDS:
-        tables = (("gyro", True, ANGLE_WORDS), ("accel", True, VELOCITY_WORDS), ("gyro", False, GYRO_WORDS),
-                  ("accel", False, ACCEL_WORDS))  # fmt: skip
-        for kind, increments, table in tables:
-            if any(set(group) <= have for group in table):
-                return kind, increments
-        if words and words[0] in GYRO_LETTERS:
-            return "gyro", False
-        if words and words[0] in ACCEL_LETTERS:
-            return "accel", False
-    if axis is None or not have:
-        if have & {"week", "gpsweek", "wn"} and not have & {"seconds", "second", "sec", "time"}:
-            return "week", False
-        if have and have <= {"date", "day", "utc", "gps"} and "date" in have:
-            return "date", False
-        if have & TIME_WORDS and not have & (OTHER_WORDS - {"gps"}):
-            return "time", False
-        if have & COUNTER_WORDS:
-            return "counter", False
-    return "", False
+    tables = (("gyro", True, ANGLE_WORDS), ("accel", True, VELOCITY_WORDS), ("gyro", False, GYRO_WORDS),
+              ("accel", False, ACCEL_WORDS))  # fmt: skip
+    for kind, increments, table in tables:
+        if any(set(group) <= have for group in table):
+            return kind, increments
+    for kind, letters in (("gyro", GYRO_LETTERS), ("accel", ACCEL_LETTERS)):
+        if words and words[0] in letters:
+            return kind, False
+    # A unit tells too: X (deg/s), alpha_x [m/s^2].
+    return ("gyro" if "gyro" in found else "accel" if "accel" in found else ""), False
+
+
+def _other(words: list[str]) -> str:
+    """Time, a part of it, or a counter."""
+    have = set(words)
+    if have & {"week", "gpsweek", "wn"} and not have & {"seconds", "second", "sec", "time"}:
+        return "week"
+    for kind, names in (("hour", ("hour", "hours", "hh", "hr")), ("minute", ("minute", "minutes", "min", "mm"))):
+        if len(words) == 1 and words[0] in names:
+            return kind
+    if "date" in have and have <= {"date", "day", "utc", "gps"}:
+        return "date"
+    if have & TIME_WORDS and not have & (OTHER_WORDS - {"gps"}):
+        return "time"
+    return "counter" if have & COUNTER_WORDS else ""
 
 
 def triples(titles: Sequence[str], parts: Sequence[Title]) -> list[Triple]:
