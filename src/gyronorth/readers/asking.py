@@ -15,10 +15,11 @@ TRY = "Try: gyronorth "
 
 
 class OpenQuestion(InputError):
-    """What a file leaves open; `added` are the options that would settle it."""
+    """What a file leaves open; `added` are the options that would settle it, `certain` whether physics tells so."""
 
-    def __init__(self, text: str, path: str, kept: Sequence[str], added: Sequence[str]) -> None:
+    def __init__(self, text: str, path: str, kept: Sequence[str], added: Sequence[str], certain: bool = True) -> None:
         self.text = text
+        self.certain = certain
         self.added = tuple(added)
         super().__init__(f"{text}\n{TRY}{shlex.join(['info', path, *merged(kept, added)])}")
 
@@ -30,9 +31,9 @@ class OpenQuestion(InputError):
 def ask(path: Path | str, options: ReadOptions, questions: Sequence[Question], lead: str = "") -> OpenQuestion:
     """The message of several questions about a file."""
     text = " ".join([lead, *(question.says for question in questions)]).strip()
-    return OpenQuestion(
-        text, str(path), declared_options(options), [word for question in questions for word in question.options]
-    )
+    added = [word for question in questions for word in question.options]
+    certain = all(question.certain for question in questions)
+    return OpenQuestion(text, str(path), declared_options(options), added, certain)
 
 
 def merged(arguments: Sequence[str], added: Sequence[str]) -> list[str]:

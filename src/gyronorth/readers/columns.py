@@ -72,7 +72,7 @@ def by_titles(
             columns[TIME] = _name(position, titles)
     if questions:  # one --columns for all
         text = columns_text({**{k: v for k, v in columns.items() if k != TIME}, **declared})
-        questions[-1] = Question(questions[-1].says, ("--columns", text))
+        questions[-1] = Question(questions[-1].says, ("--columns", text), certain=False)
     return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), tuple(questions))
 
 
@@ -120,7 +120,7 @@ def _which(kind: str, ours: tuple[str, ...], candidates: Sequence[Triple], title
         columns_text({name: _name(i, titles) for name, i in zip(ours, each.positions, strict=True)})
         for each in candidates
     )
-    return Question(f"{len(candidates)} triples may be the {word}: {listed}. Which one is meant?", ())
+    return Question(f"{len(candidates)} triples may be the {word}: {listed}. Which one is meant?", (), certain=False)
 
 
 def _name(position: int, titles: Sequence[str]) -> str | int:

@@ -152,7 +152,7 @@ def _open(
     if force is not None:
         nor = "It does not say that of" if gyro_unit is None else f"{name} does not say in which unit"
         are = "either" if gyro_unit is None else "are"
-        questions.append(Question(f"{nor} {', '.join(FORCES)} {are}{force.says}", force.options))
+        questions.append(Question(f"{nor} {', '.join(FORCES)} {are}{force.says}", force.options, force.certain))
     stated = increments_of(source.stated.increments) | increments_of(source.usual.increments)
     if increments - stated and not known:
         which = "both" if len(increments) == 2 else next(iter(increments))
@@ -172,7 +172,7 @@ def _accel_question(values: NDArray[np.float64] | None, fits: list[Fit], options
     if not fits:
         size = norm_of_parts(values)
         says = f"; the norm of the mean is {size:.4g}, which is gravity in no unit that is known here."
-        return Question(says, ("--accel-unit", "m/s2"))
+        return Question(says, ("--accel-unit", "m/s2"), certain=False)
     fit = fits[0]
     scale = ("--accel-scale", f"{fit.scale:.10g}") if fit.scale is not None and options.accel_scale is None else ()
     counts = f" at {1 / fit.scale:.0f} counts in one g" if fit.scale is not None else ""
@@ -189,13 +189,13 @@ def _gyro_question(name: str, fits: list[Fit] | None, *, counts: bool) -> Questi
         return Question(says, ("--gyro-unit", "deg/s", "--gyro-scale", "DEG_PER_S_IN_ONE_COUNT"))
     if not fits:
         says = f"{lead}; no unit makes of the mean what a gyro at rest shows.{choices}"
-        return Question(says, ("--gyro-unit", "deg/s"))
+        return Question(says, ("--gyro-unit", "deg/s"), certain=False)
     fit = fits[0]
     if fit.certain:
         says = f"{lead}: Earth rate, 15.04 deg/h, fits --gyro-unit {fit.words}, {earth_words(fit.size)}."
         return Question(says, ("--gyro-unit", fit.unit))
     possible = ", ".join(f"{earth_words(each.size)} in {each.words}" for each in fits[:3])
-    return Question(f"{lead}; the mean is {possible}.{choices}", ("--gyro-unit", fit.unit))
+    return Question(f"{lead}; the mean is {possible}.{choices}", ("--gyro-unit", fit.unit), certain=False)
 
 
 def _first_values(source: Source, options: ReadOptions) -> tuple[NDArray[np.float64] | None, float | None]:

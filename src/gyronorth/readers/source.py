@@ -88,6 +88,7 @@ class Question:
 
     says: str  # a sentence
     options: tuple[str, ...]  # as the command line takes them
+    certain: bool = True  # whether physics tells so; else they are the likeliest
 
 
 @dataclass(frozen=True)

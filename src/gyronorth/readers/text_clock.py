@@ -180,7 +180,7 @@ def _unit(
         return by_rate[0], None, f", {rate_hz:g} Hz"
     if whole and np.allclose(step, 1, rtol=0, atol=1e-6):
         says = f"{title} counts in whole numbers, each 1 more than the last: milliseconds (1000 Hz), or seconds?"
-        return 1.0, Question(says, ("--time-unit", "ms")), ""
+        return 1.0, Question(says, ("--time-unit", "ms"), certain=False), ""
     told = [(name, unit) for name, unit in TIME_UNITS.items() if TOLD_RATES[0] <= 1 / (mean * unit) <= TOLD_RATES[1]]
     if len(told) == 1:
         return told[0][1], None, f" by its steps of {mean:.4g}"
@@ -188,4 +188,4 @@ def _unit(
     if not possible:
         return 1.0, None, ""
     says = f"{title} advances by {mean:.4g} in each row, in a unit that is not known: {' or '.join(possible)}?"
-    return 1.0, Question(says, ("--time-unit", possible[0])), ""
+    return 1.0, Question(says, ("--time-unit", possible[0]), certain=False), ""

@@ -112,14 +112,13 @@ def matching(titles: Sequence[str], preamble: str, name: str) -> Preset | None:
     return max(found, key=lambda preset: len(preset.titles)) if found else None
 
 
-def document(options: ReadOptions, title: str, titles: Sequence[str]) -> str:
-    """A preset as JSON, from declarations, for files with these titles."""
+def document(options: ReadOptions, title: str) -> str:
+    """A preset as JSON, from declarations."""
     declared = {item.name: getattr(options, item.name) for item in fields(options) if item.name in DECLARES}
     declared = {key: value for key, value in declared.items() if value not in (None, False)}
     if "columns" in declared:
         declared["columns"] = dict(declared["columns"])
-    about = {"title": title} | ({"titles": list(titles)} if titles else {})
-    return json.dumps(about | declared, indent=2, ensure_ascii=False) + "\n"
+    return json.dumps({"title": title} | declared, indent=2, ensure_ascii=False) + "\n"
 
 
 def _preset(name: str, content: Mapping[str, Any]) -> Preset:
