@@ -74,10 +74,10 @@ class TextLayout:
             encoding,
             None if self.delimiter == "," else f"{WORDS[self.delimiter]} between fields",
             "decimal commas" if self.decimal == "," else None,
-            f"{len(self.preamble)} lines of preamble" if self.preamble else None,
+            _lines(len(self.preamble), "preamble") if self.preamble else None,
             None if self.titles else "no header",
             "a row of units" if self.units else None,
-            f"{self.footer} lines of footer" if self.footer else None,
+            _lines(self.footer, "footer") if self.footer else None,
         ]
         return ", ".join(part for part in parts if part)
 
@@ -150,6 +150,10 @@ def split(line: str, delimiter: str | None) -> list[str]:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))] if line else []
     except (csv.Error, StopIteration):
         return []
+
+
+def _lines(count: int, what: str) -> str:
+    return f"{count} line{'s' if count > 1 else ''} of {what}"
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:

@@ -240,6 +240,7 @@ class Reading:
             session=stated.session,
             start_time_utc=self.start_time(first),
             source=self.source.name,
+            read_as=self.source.read_as,
             rows_dropped=rows_dropped,
             gaps=gaps,
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),

@@ -45,7 +45,7 @@ def test_what_a_preset_says_unasked_is_usual_and_a_declaration_overrules_it(tmp_
     path = ros_file(tmp_path)
     assert_allclose(read(path, rate_hz=100).gyro_b, still(300)[0])
     read_as = describe(path, rate_hz=100).info.read_as
-    assert read_as.startswith("read as sensor_msgs/Imu as CSV")
+    assert read_as.startswith("sensor_msgs/Imu as CSV")
     with pytest.raises(InputError, match="--gyro-unit"):  # found out: Earth rate tells
         read(path, rate_hz=100, gyro_unit="deg/s")
 

@@ -92,7 +92,8 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
     )  # fmt: skip
     units = {"gyro": options.gyro_unit or stated.gyro_unit or usual.gyro_unit or "unit open",
              "accel": options.accel_unit or stated.accel_unit or usual.accel_unit or "unit open"}  # fmt: skip
-    as_preset = "" if preset is None else f"read as {preset.title}; "
+    as_preset = "" if preset is None else f"{preset.title}; "
+    read_as = as_preset + told(positions, names, units, clock.told if clock else "")
     words = f"; {layout.words()}" if layout.words() else ""
     # Lines begin at every other byte only, or some stand for no rows.
     whole = layout.encoding.startswith("utf-16") or layout.blank or layout.sparse or rows.only is not None
@@ -107,7 +108,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         ours=ours,
         parts=None if whole else text_parts(path, layout.offset, layout.row, rows),
         questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
-        read_as=as_preset + told(positions, names, units, clock.told if clock else "") + words,
+        read_as="" if ours or live or heading is not None else read_as + words,
     )
 
 
