@@ -10,7 +10,8 @@ from still import SI, TITLES, csv_file, csv_rows, still
 
 from gyronorth.errors import InputError
 from gyronorth.readers import read, text
-from gyronorth.readers.layout import sniff, split
+from gyronorth.readers.fields import split
+from gyronorth.readers.layout import sniff
 
 
 def test_commas_between_fields_and_in_numbers_are_refused(tmp_path):

@@ -7,7 +7,6 @@ below the last one is a footer.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -15,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gyronorth.errors import InputError
+from gyronorth.readers.fields import is_number, split
 from gyronorth.readers.spellings import is_unit
 from gyronorth.readers.text import LONGEST_LINE
 from gyronorth.readers.times import time_text
@@ -32,8 +32,6 @@ WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "bla
 #: How a line begins that is no row.
 COMMENT_MARKS = ("#", "%", "//")
 COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
-_COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[+-]?\d+(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 _RATE = re.compile(
     r"(?:sampl\w*|update|data|output|imu|log\w*)?[ _-]*(?:rate|freq\w*|odr|fs)\W{0,8}"
     r"(\d+(?:\.\d+)?)[\s\",;]*(hz|khz)?\s*\W*$",
@@ -140,25 +138,8 @@ def sniff(path: Path) -> TextLayout:
     )  # fmt: skip
 
 
-def split(line: str, delimiter: str | None) -> list[str]:
-    """A line cut into fields, without the blanks around them; [] where quotation marks do not match."""
-    if delimiter is None:
-        if '"' not in line:
-            return line.split()
-        delimiter, line = " ", " ".join(line.split())
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))] if line else []
-    except (csv.Error, StopIteration):
-        return []
-
-
 def _lines(count: int, what: str) -> str:
     return f"{count} line{'s' if count > 1 else ''} of {what}"
-
-
-def is_number(cell: str, decimal: str = ".") -> bool:
-    """Whether a field is a number with this decimal sign."""
-    return bool((_NUMBER if decimal == "." else _COMMA_NUMBER).fullmatch(cell.strip()))
 
 
 def _encoding(raw: bytes) -> tuple[str, int]:
