@@ -11,6 +11,7 @@ from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError
 from gyronorth.readers.format import LOOK, Format
+from gyronorth.readers.formats.npy import pickled
 from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
@@ -88,6 +89,10 @@ def writer_of(suffix: str) -> Callable[[RecordingStream, Path], None] | None:
 PACKED = {b"\x1f\x8b": "gunzip", b"\x28\xb5\x2f\xfd": "zstd -d", b"\xfd7zXZ\x00": "unxz", b"BZh": "bunzip2"}
 
 
+#: Suffixes of pickled objects of Python; other files are known by their first two bytes.
+PICKLES = (".pkl", ".pickle", ".joblib")
+
+
 def open_source(path: str | Path, options: ReadOptions) -> Source:
     """Open a recording with the reader of its format.
 
@@ -129,6 +134,8 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
 
 def _check_unpacked(path: Path) -> None:
     head = _head(path)
+    if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05")):
+        raise InputError(pickled(path.name))
     tool = next((PACKED[lead] for lead in PACKED if head.startswith(lead)), None)
     if tool is not None:
         bag = ", or give the folder of the bag, which is read as it is" if ".db3" in path.name else ""
