@@ -18,7 +18,7 @@ References
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
-from gyronorth.recording import Note
 
 #: More columns in one array: it is no recording.
 MOST_COLUMNS = 256
@@ -74,7 +73,7 @@ class Chosen:
     titles: dict[str, str]  # our name -> its title in the file
     stated: Facts = field(default_factory=Facts)
     usual: Facts = field(default_factory=Facts)
-    notes: tuple[Note, ...] = ()
+    told: str = ""  # as what the file is read, for people
 
 
 def columns_of(
@@ -175,7 +174,7 @@ def choose(
         If the columns cannot be told, or differ in length.
     """
     titles = under(there, options.variable, name, mark=mark)
-    found = None if options.columns else _by_arrays(titles, scalars, name, mark) or _psins(titles, look, name)
+    found = None if options.columns else _by_arrays(titles, scalars, name, mark) or _psins(titles, look)
     if found is None:
         where = name if options.variable is None else f"variable {options.variable} of {name}"
         numbered = all(re.fullmatch(r"\d+|-", str(column)) for column in (options.columns or {}).values())
@@ -198,14 +197,21 @@ def choose(
     return found
 
 
-def turned_note(columns: Iterable[Column], name: str) -> tuple[Note, ...]:
-    """What there is to say where samples stand in the columns of an array."""
-    turned = list(dict.fromkeys(column.array for column in columns if column.transposed and column.part is not None))
-    if not turned:
-        return ()
-    are = "are" if len(turned) > 1 else "is"
-    message = f"{' and '.join(turned)} of {name} {are} read with samples as columns: it has more of them than rows."
-    return (Note("layout", message),)
+def told_of(chosen: Chosen, *, turned: bool = True) -> str:
+    """What each column was taken for, for people; with `turned`, also where samples stand in columns."""
+    arrays = {ours: column.array for ours, column in chosen.columns.items()}
+    titles = chosen.titles
+    parts = [chosen.told] if chosen.told else []
+    for word, names in (("gyro", RATES), ("acceleration", FORCES)):
+        if names[0] in titles:
+            whole = len({arrays[ours] for ours in names}) == 1 and "[" not in titles[names[0]].split("]")[-1]
+            first, last = titles[names[0]], titles[names[2]]
+            parts.append(f"{word}: {first} to {last}" if whole else f"{word}: {first}, {titles[names[1]]}, {last}")
+    parts.append(f"clock: {titles[TIME]}" if TIME in titles else "no clock")
+    wide = list(dict.fromkeys(column.array for column in chosen.columns.values() if column.transposed and column.part))
+    if wide and turned:
+        parts.append(f"samples stand in the columns of {' and '.join(wide)}")
+    return "; ".join(parts)
 
 
 def _plain(title: str, mark: str) -> str:
@@ -256,7 +262,11 @@ def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name:
     navego = {_plain(array, mark) for array in (gyro, *accels)} == {"wb", "fb"}
     rate_hz = None if times else _rate(scalars, group, mark)
     ordered = {ours: columns[ours] for ours in NAMES if ours in columns}
-    return Chosen(ordered, named, Facts(rate_hz=rate_hz), _NAVEGO if navego else Facts())
+    if navego:
+        return Chosen(
+            ordered, named, Facts(rate_hz=rate_hz), _NAVEGO, "read as NaveGo: rad/s, m/s2, forward-right-down"
+        )
+    return Chosen(ordered, named, Facts(rate_hz=rate_hz))
 
 
 def _rate(scalars: Mapping[str, float], group: str, mark: str) -> float | None:
@@ -270,7 +280,7 @@ def _rate(scalars: Mapping[str, float], group: str, mark: str) -> float | None:
     return None
 
 
-def _psins(titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.float64]], name: str) -> Chosen | None:
+def _psins(titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.float64]]) -> Chosen | None:
     """A matrix of PSINS: three increments of angle, three of velocity, time."""
     arrays: dict[str, list[tuple[str, Column]]] = {}
     for title, column in titles.items():
@@ -287,12 +297,11 @@ def _psins(titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.flo
     columns = {ours: column for ours, (_, column) in zip(order, found[0], strict=True)}
     named = {ours: title for ours, (title, _) in zip(order, found[0], strict=True)}
     array = found[0][0][1].array
-    message = (
-        f"{array} of {name} is read as a matrix of PSINS: increments of angle in rad and of velocity in m/s, "
-        "right-front-up, time in its last column."
+    told = (
+        f"read as PSINS: {array} holds increments of angle (rad) and velocity (m/s), right-front-up, and ends in time"
     )
     ordered = {ours: columns[ours] for ours in NAMES}
-    return Chosen(ordered, named, Facts(increments=True), _PSINS, (Note("layout", message),))
+    return Chosen(ordered, named, Facts(increments=True), _PSINS, told)
 
 
 def _only_matrix(titles: Mapping[str, Column], name: str, holds: str) -> str | None:

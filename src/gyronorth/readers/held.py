@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.arrays import Column, choose, columns_of, turned_note
+from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import TIME, Block, Clock, Parts, Source, blocks_of, rows_block
 
@@ -66,8 +66,8 @@ def held_source(
 
     def numbers(column: Column, part: slice = slice(None)) -> NDArray[np.float64]:
         values = arrays[column.array]
-        if values.ndim == 2:
-            values = (values.T if column.transposed else values)[:, column.part or 0]
+        if values.ndim == 2 and isinstance(column.part, int):
+            values = (values.T if column.transposed else values)[:, column.part]
         return _seconds(values, part) if values.dtype.kind in TIMES else values[part].astype(np.float64, copy=False)
 
     chosen = choose(there, scalars, partial(numbers, part=slice(0, BLOCK_ROWS)), options, name, holds=listed)
@@ -89,8 +89,8 @@ def held_source(
         stated=chosen.stated,
         usual=chosen.usual,
         clock=Clock(unit=1.0, name=chosen.titles[TIME]) if TIME in chosen.columns else None,
-        notes=(*chosen.notes, *turned_note(columns, name)),
         parts=Parts(rows, exact=True, block=BLOCK_ROWS, read=place) if looked_into else None,
+        told=told_of(chosen),
     )
 
 

@@ -22,10 +22,10 @@ class Facts:
     """What is known of a file: stated in it, or usual for its format. Angles in rad."""
 
     rate_hz: float | None = None  # Hz
-    gyro_unit: str | None = None  # deg/s, rad/s or deg/h
-    accel_unit: str | None = None  # m/s2 or g
+    gyro_unit: str | None = None  # of `options.GYRO_UNITS`
+    accel_unit: str | None = None  # of `options.ACCEL_UNITS`
     axes: str | None = None  # as in `axes.mat_bf`
-    increments: bool = False  # values are per sample, not per second
+    increments: bool | str = False  # values are per sample, not per second; "gyro" or "accel": of that sensor alone
     latitude: float | None = None  # rad
     heading_true: float | None = None  # rad
     session: str | None = None
@@ -83,6 +83,14 @@ class Parts:
 
 
 @dataclass(frozen=True)
+class Question:
+    """Something that a file leaves open: what is seen of it, and the options that would settle it."""
+
+    says: str  # a sentence
+    options: tuple[str, ...]  # as the command line takes them
+
+
+@dataclass(frozen=True)
 class Source:
     """An opened recording, before any check of its values."""
 
@@ -98,6 +106,8 @@ class Source:
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
     parts: Parts | None = None  # None: it can only be read as a whole
+    questions: tuple[Question, ...] = ()  # what must be declared before it can be read
+    told: str = ""  # what each column was taken for, for people
 
 
 def rows_block(values: NDArray[np.float64], before: int, *, share: float = 0.0) -> Block:

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from gyronorth.errors import InputError
-from gyronorth.readers import describe, read
+from gyronorth.readers import ReadOptions, describe, read
 from gyronorth.readers.mat5 import fields, matrix, variables
+from gyronorth.readers.registry import open_source
 
 ROWS, RATE = 400, 100.0
 SI = {"gyro_unit": "rad/s", "accel_unit": "m/s2"}
@@ -64,9 +65,8 @@ def test_a_matrix_of_psins_holds_increments_and_ends_in_time(tmp_path):
     flip = np.array([1, 1, -1])
     imu = np.column_stack([GYRO[:, [1, 0, 2]] * flip / RATE, ACCEL[:, [1, 0, 2]] * flip / RATE, TIME + 1 / RATE])
     path = saved(tmp_path / "rec.mat", {"trj": {"imu": imu, "ts": 0.01, "avp0": np.zeros((9, 1))}})
-    recording = read(path)
-    check(recording)
-    assert "matrix of PSINS" in recording.notes[0].message
+    check(read(path))
+    assert "read as PSINS: trj.imu holds increments" in open_source(path, ReadOptions()).told
     # Seven columns called imu that begin with the time are another layout.
     other = saved(tmp_path / "other.mat", {"imu": np.column_stack([TIME, GYRO, ACCEL])})
     with pytest.raises(InputError, match="has 7 columns without names"):
@@ -86,9 +86,9 @@ def test_separate_variables_go_by_their_names_but_their_units_are_asked_for(tmp_
 def test_samples_in_columns_are_turned_and_told(tmp_path):
     path = saved(tmp_path / "rec.mat", {"data": np.column_stack([TIME, GYRO, ACCEL]).T})
     columns = dict(zip(("t", "w_x", "w_y", "w_z", "f_x", "f_y", "f_z"), range(7), strict=True))
-    recording = read(path, columns=columns, **SI)
-    check(recording)
-    assert "data of rec.mat is read with samples as columns" in recording.notes[0].message
+    check(read(path, columns=columns, **SI))
+    told = open_source(path, ReadOptions(columns=columns)).told
+    assert told.startswith("gyro: 1 to 3; acceleration: 4 to 6; clock: 0; samples stand in the columns of data")
     separate = saved(tmp_path / "two.mat", {"t": TIME[None, :], "gyro": GYRO.T, "acc": ACCEL.T})
     check(read(separate, **SI))
 
@@ -100,9 +100,10 @@ def test_structs_of_version_7_3_are_read_like_those_of_version_7(tmp_path):
             file[f"imu1/{name}"].attrs["MATLAB_class"] = np.bytes_("double")
     with (tmp_path / "rec.mat").open("r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
-    recording = read(tmp_path / "rec.mat")
-    check(recording)
-    assert not recording.notes
+    check(read(tmp_path / "rec.mat"))
+    told = open_source(tmp_path / "rec.mat", ReadOptions()).told
+    assert told.startswith("read as NaveGo: rad/s, m/s2, forward-right-down; gyro: imu1/wb[0] to imu1/wb[2]")
+    assert "samples stand" not in told
 
 
 def test_a_text_with_that_suffix_goes_to_the_reader_of_texts(tmp_path):

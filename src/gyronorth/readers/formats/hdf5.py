@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.arrays import Column, choose, columns_of, turned_note
+from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.library import errors_translated, library
@@ -64,7 +64,6 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     if chosen.stated.increments:
         facts = replace(facts, increments=True)
     _check_size(path, list(columns.values()), count)
-    turned = () if matlab else turned_note(columns.values(), path.name)
     reading = partial(_rows, path, list(columns.values()))
     return Source(
         format="hdf5",
@@ -75,7 +74,7 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
         usual=chosen.usual,
         clock=Clock(unit=1.0, name=chosen.titles[TIME]) if TIME in columns else None,
         ours=ours,
-        notes=(*chosen.notes, *turned),
+        told=told_of(chosen, turned=not matlab),
         parts=Parts(count, exact=True, block=BLOCK_ROWS, read=partial(_part, reading, count)),
     )
 
