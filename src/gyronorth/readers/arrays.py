@@ -187,7 +187,9 @@ def choose(
                 f"{where[0].upper()}{where[1:]} has {len(listed)} columns without names. Say which one is which by its "
                 "number from 0, as in --columns w_x=4,w_y=5,w_z=6,f_x=8,f_y=9,f_z=10."
             )
-        positions = choose_columns(len(listed) if bare else listed, options.columns, aliases, where)
+        positions = choose_columns(
+            len(listed) if bare else listed, options.columns, aliases, where, needed=options.needed
+        )
         named = {ours: listed[positions[ours]] for ours in NAMES if ours in positions}
         found = Chosen({ours: titles[title] for ours, title in named.items()}, named)
     rows = {title: column.rows for title, column in found.columns.items()}
