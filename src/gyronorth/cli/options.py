@@ -264,6 +264,28 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
+    "accel": (
+        Annotated[
+            Path | None,
+            typer.Option(
+                metavar="FILE",
+                help="The accelerometer's file, where the gyro has one of its own; joined on time.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "accel_topic": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME",
+                help="The accelerometer's topic, where the gyro has one of its own.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
     "protocol": (
         Annotated[
             str | None,
@@ -322,7 +344,8 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     from gyronorth.readers import ReadOptions
 
     given = {name: value for name, value in values.items() if value is not None}
-    fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
+    named = {"rate": "rate_hz", "accel": "accel_file"}
+    fields = {named.get(name, name): value for name, value in given.items()}
     for option, (field, value) in zip(given, fields.items(), strict=True):
         with_it: dict[str, Any] = (
             {"increments": True} if field == "increment_interval" and fields.get("increments") else {}

@@ -76,8 +76,8 @@ def by_titles(
     return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), tuple(questions))
 
 
-def by_numbers(layout: TextLayout) -> Chosen | None:
-    """The columns of a file without titles, by what their numbers do; None where these do not tell."""
+def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | None:
+    """The columns of a file without titles, by what their numbers do; None where these do not tell what is needed."""
     values = np.column_stack([numbers(layout, position) for position in range(layout.width)])
     usable = np.asarray(np.isfinite(values).all(axis=0))
     time, interval = _time_column(layout, values, usable)
@@ -91,14 +91,16 @@ def by_numbers(layout: TextLayout) -> Chosen | None:
     near = [i for i in rates if any(fit.certain for fit in gyro_fits(values[:, i : i + 3], rate_hz))]
     beside = [i for i in rates if accel is not None and abs(i - accel) == 3]
     gyro = (near or beside or (rates if len(rates) == 1 else []))[:1]
-    if not gyro or (accel is None and len(rates) != 1 and not near):
+    if needed == FORCES:
+        gyro = []
+    if accel is None if needed == FORCES else (not gyro or (accel is None and len(rates) != 1 and not near)):
         return None
     columns: dict[str, str | int] = {} if time is None else {TIME: time}
-    columns |= dict(zip(RATES, range(gyro[0], gyro[0] + 3), strict=True))
+    columns |= dict(zip(RATES, range(gyro[0], gyro[0] + 3), strict=True)) if gyro else {}
     if accel is not None:
         columns |= dict(zip(FORCES, range(accel, accel + 3), strict=True))
     described = [] if time is None else [f"column {time} is like a clock"]
-    described.append(f"columns {gyro[0]} to {gyro[0] + 2} like angular rate")
+    described += [f"columns {gyro[0]} to {gyro[0] + 2} like angular rate"] if gyro else []
     described += [f"columns {accel} to {accel + 2} like specific force" if accel is not None else "none like gravity"]
     return Chosen(columns, questions=(Question(f"{', '.join(described)}.", ("--columns", columns_text(columns))),))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -76,6 +77,9 @@ class ReadOptions:
     format: str | None = None  # name of the format; by default from suffix and content
     window: tuple[float, float] | None = None  # only [start, end) of the file, s from its first sample
     preset: str | None = None  # name or file of a preset, which declares what is not declared here
+    accel_file: str | Path | None = None  # of the accelerometer, where the file holds the gyro alone
+    accel_topic: str | None = None  # of the accelerometer, in a bag of ROS or an MCAP file
+    needed: tuple[str, ...] = RATES  # columns without which it is no recording; FORCES for an accelerometer's file
 
     def __post_init__(self) -> None:
         _among("gyro_unit", self.gyro_unit, GYRO_UNITS)
@@ -139,7 +143,12 @@ def parse_columns(text: str) -> dict[str, str]:
 
 
 def choose_columns(
-    header: list[str] | int, columns: Mapping[str, str | int] | None, aliases: Mapping[str, tuple[str, ...]], name: str
+    header: list[str] | int,
+    columns: Mapping[str, str | int] | None,
+    aliases: Mapping[str, tuple[str, ...]],
+    name: str,
+    *,
+    needed: tuple[str, ...] = RATES,
 ) -> dict[str, int]:
     """Positions of our columns in a file.
 
@@ -153,11 +162,13 @@ def choose_columns(
         Our name -> names that the format uses for it, in order of preference.
     name : str
         File name, for messages.
+    needed : tuple of str, optional
+        Columns without which it is no recording.
 
     Returns
     -------
     dict
-        Our name -> position from 0. Three rates always; three forces or none; t or not.
+        Our name -> position from 0. Three rates and three forces, or none of those that are not `needed`; t or not.
     """
     titles = header if isinstance(header, list) else []
     width = len(header) if isinstance(header, list) else header
@@ -180,9 +191,9 @@ def choose_columns(
             if alias in titles:
                 found[ours] = titles.index(alias)
                 break
-    for triple, need in ((RATES, True), (FORCES, False)):
+    for triple in (RATES, FORCES):
         missing = [ours for ours in triple if ours not in found]
-        if missing and (need or len(missing) < 3):
+        if missing and (triple == needed or len(missing) < 3):
             has = f"its columns are {_listed(titles)}" if titles else f"it has {width} columns without names"
             raise InputError(
                 f"{name} has no column {', '.join(missing)}: {has}. Say which ones hold them, as in "

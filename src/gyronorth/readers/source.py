@@ -70,6 +70,7 @@ class Clock:
     unit: float | None  # s per unit; None: it counts samples, the rate must come from elsewhere
     wrap: float | None = None  # the value at which it starts again from 0
     name: str = TIME  # its name in the file, for messages
+    zero: float = 0.0  # s, added to its times before they are compared with another clock's
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,7 @@ class Source:
     parts: Parts | None = None  # None: it can only be read as a whole
     questions: tuple[Question, ...] = ()  # what must be declared before it can be read
     read_as: str = ""  # what each column was taken for, for people
+    held: object = None  # what must live for as long as it is read
 
 
 def rows_block(values: NDArray[np.float64], before: int, *, share: float = 0.0) -> Block:
