@@ -88,7 +88,8 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
     use = tuple(positions[name] for name in columns if name != TIME or composed is None)
     rows = Layout(
         names, use, layout.delimiter, layout.trailing, mark=MARK if live else None,
-        comments=() if live else COMMENT_BEGINS, blank=layout.blank or (clock is not None and not ours and not live),
+        comments=() if live else (*COMMENT_BEGINS, *_repeated_header(layout)),
+        blank=layout.blank or (clock is not None and not ours and not live),
         sparse=layout.sparse, decimal=layout.decimal, encoding=layout.encoding, line_end=layout.line_end,
         end=None if ours or live else layout.end, clock=composed, texts=bool(layout.texts),
         only=_only(preset, titles),
@@ -114,6 +115,11 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         read_as="" if ours or live or heading is not None else read_as + words,
     )
     return source if preset is None else _of_two_kinds(source, preset, layout, path, rows)
+
+
+def _repeated_header(layout: TextLayout) -> tuple[bytes, ...]:
+    """How the header begins, which stands again where logs were joined."""
+    return (layout.header.encode(),) if layout.header else ()
 
 
 def _of_two_kinds(source: Source, preset: Preset, layout: TextLayout, path: Path, rows: Layout) -> Source:
