@@ -178,6 +178,7 @@ class InfoDocument(TypedDict):
     gaps: list[GapDocument]
     notes: list[NoteDocument]
     estimated_from: dict[str, object] | None
+    read_as: str
 
 
 class LiveState(TypedDict):

@@ -52,6 +52,7 @@ class Recording:
     rows_dropped: int = 0  # rows left out on the user's request
     gaps: tuple[Gap, ...] = ()  # bridged gaps
     notes: tuple[Finding, ...] = ()  # remarks of the reader, shown as warnings
+    read_as: str = ""  # what each column of the file was taken for, for people
 
     def __post_init__(self) -> None:
         for name in ("gyro_b", "accel_b"):

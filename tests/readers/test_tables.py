@@ -252,7 +252,7 @@ def test_the_command_line_refuses_a_picture_in_one_message(tmp_path, suffix):
 def test_a_conversion_that_fails_midway_leaves_nothing(tmp_path, monkeypatch, suffix):
     monkeypatch.setattr("gyronorth.cli.recording_commands.CHUNK_SAMPLES", 2000)
     rows = "".join(f"{i / 100},1e-4,1e-4,1e-4\n" for i in range(50_000))
-    (tmp_path / "rec.csv").write_text(f"# gyro_unit: rad/s\n# axes: frd\nt,w_x,w_y,w_z\n{rows}broken\n")
+    (tmp_path / "rec.csv").write_text(f"# gyro_unit: rad/s\n# axes: frd\nt,w_x,w_y,w_z\n{rows}0,broken\n")
     (tmp_path / f"out{suffix}").write_text("old")
     result = run("convert", tmp_path / "rec.csv", "-o", tmp_path / f"out{suffix}")
     assert result.exit_code == 2

@@ -96,7 +96,7 @@ class Stretch:
 
     def usable(self, rows: LiveRows) -> NDArray[np.bool_]:
         """Which rows are plausible: within any sensor's range, and not all forces zero."""
-        data = rows.values[:, self.form.time :] * self.declared.scale
+        data = rows.values[:, self.form.time :] * self.declared.scale(1.0)
         limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
         usable: NDArray[np.bool_] = np.asarray((np.abs(data) <= limit).all(axis=1))
         if data.shape[1] == 6:
@@ -112,7 +112,7 @@ class Stretch:
             span = values[-1, 0] - values[0, 0] if len(values) else 0.0
             look = LOOK_MEASURE if self.declared.rate_hz is None else LOOK_DECLARED
             if span < look and len(values) < LOOK_ROWS:
-                return self._split(np.zeros((0, len(self.declared.scale))))
+                return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
             self._looking = None
         return self._gridded(values)
 
@@ -120,12 +120,12 @@ class Stretch:
         """What was still looked at, at the end of the stream."""
         held, self._looking = self._looking, None
         if not held or sum(map(len, held)) < 2:
-            return self._split(np.zeros((0, len(self.declared.scale))))
+            return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
         return self._gridded(np.concatenate(held))
 
     def _gridded(self, values: Array) -> tuple[Array, Array | None]:
         if len(values) == 0:
-            return self._split(np.zeros((0, len(self.declared.scale))))
+            return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
         numbers = np.arange(self._rows + 1, self._rows + 1 + len(values))
         self._rows += len(values)
         samples = self._regulariser.push(Block(values, numbers, Bad.none()))

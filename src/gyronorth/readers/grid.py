@@ -188,7 +188,7 @@ class GridBuilder:
 
     def _scaled(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         data = values if self._source.clock is None else values[:, 1:]
-        scale = self._declared.scale * (self.rate_hz or 1.0 if self._declared.increments else 1.0)
+        scale = self._declared.scale(self.rate_hz or 1.0)
         return data if (scale == 1).all() else data * scale
 
     def _usable(

@@ -90,7 +90,7 @@ def held_source(
         usual=chosen.usual,
         clock=Clock(unit=1.0, name=chosen.titles[TIME]) if TIME in chosen.columns else None,
         parts=Parts(rows, exact=True, block=BLOCK_ROWS, read=place) if looked_into else None,
-        told=told_of(chosen),
+        read_as=told_of(chosen),
     )
 
 

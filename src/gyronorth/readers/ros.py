@@ -190,7 +190,7 @@ def imu_source(
         gyro = make(replace(kind, accel=False, only="gyro"))
         accel = make(replace(kind, rate=False, accel=True, only="accel"))
         told = f"each message of {topic.name} holds one of the sensors; they are joined on time"
-        return replace(joined(gyro, accel, drop_bad_rows=drop_bad_rows), told=told)
+        return replace(joined(gyro, accel, drop_bad_rows=drop_bad_rows), read_as=told)
     return make(kind)
 
 

@@ -89,6 +89,7 @@ class Question:
 
     says: str  # a sentence
     options: tuple[str, ...]  # as the command line takes them
+    certain: bool = True  # whether physics tells so; else they are the likeliest
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Source:
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
     parts: Parts | None = None  # None: it can only be read as a whole
     questions: tuple[Question, ...] = ()  # what must be declared before it can be read
-    told: str = ""  # what each column was taken for, for people
+    read_as: str = ""  # what each column was taken for, for people
     held: object = None  # what must live for as long as it is read
 
 

@@ -66,7 +66,7 @@ def test_a_matrix_of_psins_holds_increments_and_ends_in_time(tmp_path):
     imu = np.column_stack([GYRO[:, [1, 0, 2]] * flip / RATE, ACCEL[:, [1, 0, 2]] * flip / RATE, TIME + 1 / RATE])
     path = saved(tmp_path / "rec.mat", {"trj": {"imu": imu, "ts": 0.01, "avp0": np.zeros((9, 1))}})
     check(read(path))
-    assert "read as PSINS: trj.imu holds increments" in open_source(path, ReadOptions()).told
+    assert "read as PSINS: trj.imu holds increments" in open_source(path, ReadOptions()).read_as
     # Seven columns called imu that begin with the time are another layout.
     other = saved(tmp_path / "other.mat", {"imu": np.column_stack([TIME, GYRO, ACCEL])})
     with pytest.raises(InputError, match="has 7 columns without names"):
@@ -87,7 +87,7 @@ def test_samples_in_columns_are_turned_and_told(tmp_path):
     path = saved(tmp_path / "rec.mat", {"data": np.column_stack([TIME, GYRO, ACCEL]).T})
     columns = dict(zip(("t", "w_x", "w_y", "w_z", "f_x", "f_y", "f_z"), range(7), strict=True))
     check(read(path, columns=columns, **SI))
-    told = open_source(path, ReadOptions(columns=columns)).told
+    told = open_source(path, ReadOptions(columns=columns)).read_as
     assert told.startswith("gyro: 1 to 3; acceleration: 4 to 6; clock: 0; samples stand in the columns of data")
     separate = saved(tmp_path / "two.mat", {"t": TIME[None, :], "gyro": GYRO.T, "acc": ACCEL.T})
     check(read(separate, **SI))
@@ -101,7 +101,7 @@ def test_structs_of_version_7_3_are_read_like_those_of_version_7(tmp_path):
     with (tmp_path / "rec.mat").open("r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
     check(read(tmp_path / "rec.mat"))
-    told = open_source(tmp_path / "rec.mat", ReadOptions()).told
+    told = open_source(tmp_path / "rec.mat", ReadOptions()).read_as
     assert told.startswith("read as NaveGo: rad/s, m/s2, forward-right-down; gyro: imu1/wb[0] to imu1/wb[2]")
     assert "samples stand" not in told
 

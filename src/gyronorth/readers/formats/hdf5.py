@@ -74,7 +74,7 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
         usual=chosen.usual,
         clock=Clock(unit=1.0, name=chosen.titles[TIME]) if TIME in columns else None,
         ours=ours,
-        told=told_of(chosen, turned=not matlab),
+        read_as=told_of(chosen, turned=not matlab),
         parts=Parts(count, exact=True, block=BLOCK_ROWS, read=partial(_part, reading, count)),
     )
 
