@@ -73,7 +73,7 @@ class Chosen:
     titles: dict[str, str]  # our name -> its title in the file
     stated: Facts = field(default_factory=Facts)
     usual: Facts = field(default_factory=Facts)
-    told: str = ""  # as what the file is read, for people
+    read_as: str = ""  # as what the file is read, for people
 
 
 def columns_of(
@@ -203,7 +203,7 @@ def told_of(chosen: Chosen, *, turned: bool = True) -> str:
     """What each column was taken for, for people; with `turned`, also where samples stand in columns."""
     arrays = {ours: column.array for ours, column in chosen.columns.items()}
     titles = chosen.titles
-    parts = [chosen.told] if chosen.told else []
+    parts = [chosen.read_as] if chosen.read_as else []
     for word, names in (("gyro", RATES), ("acceleration", FORCES)):
         if names[0] in titles:
             whole = len({arrays[ours] for ours in names}) == 1 and "[" not in titles[names[0]].split("]")[-1]

@@ -87,6 +87,8 @@ def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | 
     vertical = [i for i in starts if accel_fits(values[:, i : i + 3], rate_hz) and _steady(values[:, i : i + 3])]
     vertical = [i for i in vertical if i - 1 not in vertical or i - 2 in vertical] or vertical
     accel = vertical[0] if vertical else None
+    if needed == FORCES and accel is None and len(starts) == 1:
+        accel = starts[0]
     rates = [i for i in starts if accel is None or abs(i - accel) >= 3]
     near = [i for i in rates if any(fit.certain for fit in gyro_fits(values[:, i : i + 3], rate_hz))]
     beside = [i for i in rates if accel is not None and abs(i - accel) == 3]

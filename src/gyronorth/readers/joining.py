@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block, Facts, Source
+from gyronorth.readers.options import increments_of
+from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block, Source
 
 #: Longest time from a gyroscope's sample to an accelerometer's, s: a unit at rest feels the same until then.
 NEAR = 0.5
@@ -36,15 +37,12 @@ def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Sourc
     InputError
         If they contradict each other; while reading also if their times have nothing in common.
     """
-    for what, ours, theirs in (
-        ("axes", gyro.stated.axes or gyro.usual.axes, accel.stated.axes or accel.usual.axes),
-        ("increments", _has_increments(gyro, "gyro"), _has_increments(accel, "accel")),
-    ):
-        if ours != theirs and None not in (ours, theirs):
-            raise InputError(
-                f"{gyro.name} and {accel.name} do not agree in their {what} ({ours} and {theirs}); bring them to the "
-                "same first."
-            )
+    ours, theirs = gyro.stated.axes or gyro.usual.axes, accel.stated.axes or accel.usual.axes
+    if ours and theirs and ours != theirs:
+        raise InputError(
+            f"{gyro.name} has axes {ours} and {accel.name} {theirs}: bring them to the same first, with gyronorth "
+            "convert for each that holds a gyro, or in the program that wrote them."
+        )
     timed = all(source.clock is not None and source.clock.unit is not None for source in (gyro, accel))
     if not timed and (gyro.clock is None) != (accel.clock is None):
         without = gyro if gyro.clock is None else accel
@@ -62,8 +60,15 @@ def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Sourc
         gyro,
         columns=(*(name for name in (TIME, *RATES) if name in gyro.columns), *FORCES),
         blocks=lambda: _blocks(gyro, accel, timed=timed, drop_bad_rows=drop_bad_rows),
-        stated=_with_accel(gyro.stated, accel.stated),
-        usual=_with_accel(gyro.usual, accel.usual),
+        stated=replace(
+            gyro.stated,
+            accel_unit=accel.stated.accel_unit,
+            axes=gyro.stated.axes or accel.stated.axes,
+            increments=_increments(gyro, accel),
+        ),
+        usual=replace(
+            gyro.usual, accel_unit=accel.usual.accel_unit, axes=gyro.usual.axes or accel.usual.axes, increments=False
+        ),
         notes=gyro.notes + accel.notes,
         questions=gyro.questions + accel.questions,
         parts=None,
@@ -72,13 +77,14 @@ def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Sourc
     )
 
 
-def _has_increments(source: Source, sensor: str) -> bool:
-    given = source.stated.increments or source.usual.increments
-    return given in (True, "both", sensor)
-
-
-def _with_accel(gyro: Facts, accel: Facts) -> Facts:
-    return replace(gyro, accel_unit=accel.accel_unit, axes=gyro.axes or accel.axes)
+def _increments(gyro: Source, accel: Source) -> str | bool:
+    """Which of the two hold increments, as `Facts` says it."""
+    held = [
+        sensor
+        for sensor, source in (("gyro", gyro), ("accel", accel))
+        if sensor in increments_of(source.stated.increments) | increments_of(source.usual.increments)
+    ]
+    return "both" if len(held) == 2 else held[0] if held else False
 
 
 def _blocks(gyro: Source, accel: Source, *, timed: bool, drop_bad_rows: bool) -> Iterator[Block]:

@@ -43,7 +43,7 @@ class Spooled:
         folder = tempfile.mkdtemp(prefix="gyronorth-")
         self.folder = Path(folder)
         self.path = self.folder / (Path(name).name or "stream")
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self._discard = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
 
     def fill(self, read: Callable[[int], bytes], *, most: int, too_large: str, path: Path | None = None) -> None:
         """Write what `read` gives into the file, or another one of the folder.
@@ -53,16 +53,23 @@ class Spooled:
         InputError
             If it is more than `most` bytes, with `too_large`, or more than the disk has left.
         """
+        try:
+            self._fill(read, most, too_large, path or self.path)
+        except BaseException:
+            self._discard()  # whoever holds the exception holds this object too
+            raise
+
+    def _fill(self, read: Callable[[int], bytes], most: int, too_large: str, path: Path) -> None:
         total = 0
-        with (path or self.path).open("wb") as file:
+        with path.open("wb") as file:
             while piece := read(_PIECE):
                 total += len(piece)
                 if total > most:
                     raise InputError(too_large)
                 if total > FREE and shutil.disk_usage(self.folder).free < RESERVE:
                     raise InputError(
-                        f"{self.path.name} does not fit on the disk: {total >> 20} MiB of it filled "
-                        f"{self.folder.parent}. Free some space there, or set TMPDIR to a folder on another disk."
+                        f"{path.name} does not fit on the disk: {total >> 20} MiB of it filled {self.folder.parent}. "
+                        "Free some space there, or set TMPDIR to a folder on another disk."
                     )
                 file.write(piece)
 
