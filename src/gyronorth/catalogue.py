@@ -195,7 +195,8 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("psins", "PSINS .imu", _FORMATS + "psins", (".imu",)),
     FormatInfo("mt-manager", "MT Manager export", _FORMATS + "mt_manager"),
     FormatInfo("mat", "MATLAB .mat", _FORMATS + "mat", (".mat",), takes_variable=True),
-    FormatInfo("npz", "NumPy .npz", _FORMATS + "npz", (".npz",), (".npz",)),
+    FormatInfo("npz", "NumPy .npz", _FORMATS + "npz", (".npz",), (".npz",), takes_variable=True),
+    FormatInfo("npy", "NumPy .npy", _FORMATS + "npy", (".npy",)),
     FormatInfo("hdf5", "HDF5", _FORMATS + "hdf5", (".h5", ".hdf5"), (".h5", ".hdf5"), extra="io", takes_variable=True),
     FormatInfo("parquet", "Parquet", _FORMATS + "parquet", (".parquet",), (".parquet",), extra="io"),
     FormatInfo(

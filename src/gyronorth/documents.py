@@ -193,6 +193,7 @@ class InfoDocument(TypedDict):
     gaps: list[GapDocument]
     notes: list[NoteDocument]
     estimated_from: dict[str, object] | None
+    read_as: str
     axes_origin: Literal["stated", "declared", "format", "assumed"]
     clock: ClockDocument | None
     schema: Literal["gyronorth.info/1"]

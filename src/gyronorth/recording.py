@@ -58,6 +58,7 @@ class Recording:
     rows_dropped: int = 0  # rows left out on the user's request
     gaps: tuple[Gap, ...] = ()  # bridged gaps
     notes: tuple[Finding, ...] = ()  # remarks of the reader, shown as warnings
+    read_as: str = ""  # what each column of the file was taken for, for people
     axes: str = "frd"  # where x, y, z of the file point, three letters
     axes_origin: AxesOrigin = "stated"  # how that is known; the samples are in body axes if it is right
 

@@ -161,10 +161,11 @@ def test_repeated_rows_can_be_dropped(tmp_path):
 @pytest.mark.parametrize(
     ("scale", "options", "message"),
     [
-        (1000, {}, r"t of rec.csv steps by 10, a rate of 0.1 Hz if it is in seconds.*--columns t=- --rate HZ"),
+        (1000, {"time_unit": "s"}, r"t of rec.csv steps by 10, a rate of 0.1 Hz if it is in seconds"),
         (1e-6, {}, "a rate of 1e\\+08 Hz"),
         (1, {"rate_hz": 99}, r"t of rec.csv gives a rate of 100 Hz, but 99 Hz is declared"),
-        (1000, {"rate_hz": 100}, "gives a rate of 0.1 Hz, but 100 Hz is declared"),
+        (1000, {"rate_hz": 10}, "gives a rate of 100 Hz, but 10 Hz is declared"),
+        (100, {}, r"t counts in whole numbers, each 1 more than the last(?s:.*)Try: .* --time-unit ms$"),
         (0, {}, r"t of rec.csv is 0 in every row: no clock, or one too coarse.*--columns t=- --rate HZ"),
         (-1, {}, r"t of rec.csv runs backwards, from -?0 to -2.99: rows in reverse order"),
     ],

@@ -12,6 +12,7 @@ from gyronorth.cli import (  # noqa: F401  # they join the application
     benchmark_command,
     calibrate_command,
     heading_command,
+    import_command,
     live_command,
     recording_commands,
     sensor_commands,

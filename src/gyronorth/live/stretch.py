@@ -96,7 +96,7 @@ class Stretch:
 
     def usable(self, rows: LiveRows) -> NDArray[np.bool_]:
         """Which rows are plausible: within any sensor's range, and not all forces zero."""
-        data = rows.values[:, self.form.time :] * self.declared.scale
+        data = rows.values[:, self.form.time :] * self.declared.scale(1.0)
         limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
         usable: NDArray[np.bool_] = np.asarray((np.abs(data) <= limit).all(axis=1))
         if data.shape[1] == 6:
@@ -112,17 +112,18 @@ class Stretch:
             span = values[-1, 0] - values[0, 0] if len(values) else 0.0
             look = LOOK_MEASURE if self.declared.rate_hz is None else LOOK_DECLARED
             if span < look and len(values) < LOOK_ROWS:
-                return self._split(np.zeros((0, len(self.declared.scale))))
+                return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
             self._looking = None
         return self._gridded(values)
 
     def end(self) -> tuple[Array, Array | None]:
         """What was still looked at, or waited for later stamps, at the end of the stream."""
         held, self._looking = self._looking, None
+        width = len(self.declared.scale(1.0))
         if held is not None and sum(map(len, held)) < 2:
-            return self._split(np.zeros((0, len(self.declared.scale))))
-        width = self.form.time + len(self.declared.scale)
-        return self._gridded(np.concatenate(held) if held else np.zeros((0, width)), last=True)
+            return self._split(np.zeros((0, width)))
+        rows = np.concatenate(held) if held else np.zeros((0, self.form.time + width))
+        return self._gridded(rows, last=True)
 
     def _gridded(self, values: Array, *, last: bool = False) -> tuple[Array, Array | None]:
         numbers = np.arange(self._rows + 1, self._rows + 1 + len(values))

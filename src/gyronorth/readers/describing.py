@@ -71,6 +71,7 @@ class Description:
         latitude, heading = info.pop("latitude"), info.pop("heading_true")
         info.pop("notes")
         origin = info.pop("axes_origin")
+        read_as = info.pop("read_as")
         return info | {
             "latitude_deg": None if latitude is None else float(np.degrees(latitude)),
             "heading_true_deg": None if heading is None else float(np.degrees(heading)),
@@ -84,6 +85,7 @@ class Description:
             "gaps": [asdict(gap) for gap in self.gaps],
             "notes": [asdict(note) for note in self.notes],
             "estimated_from": None if self.estimate is None else _estimate_json(self.estimate),
+            "read_as": read_as,
             "axes_origin": origin,
             "clock": None if self.clock is None else _clock_json(self.clock),
             "schema": "gyronorth.info/1",

@@ -93,7 +93,7 @@ class GridBuilder:
         self._last_seen: NDArray[np.float64] | None = None  # values of the last row in order
         self._last_values: NDArray[np.float64] | None = None  # of the last row on the grid
         self._last_stamp = 0.0  # of the last row on the grid
-        self._waiting = _Rows.none(len(declared.scale))
+        self._waiting = _Rows.none(len(declared.scale(1.0)))
         self._scatter = (0, 0.0)  # steps since `jitter` was taken, sum of their squares about the interval
         self._described: list[tuple[int, str]] = []
 
@@ -296,7 +296,7 @@ class GridBuilder:
 
     def _scaled(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         data = values if self._source.clock is None else values[:, 1:]
-        scale = self._declared.scale * (self.rate_hz or 1.0 if self._declared.increments else 1.0)
+        scale = self._declared.scale(self.rate_hz or 1.0)
         return data if (scale == 1).all() else data * scale
 
     def _usable(

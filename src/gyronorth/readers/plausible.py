@@ -18,7 +18,7 @@ from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import about_vertical, convention, mat_bf
 from gyronorth.readers.declared import Declared
-from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
+from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 from gyronorth.recording import Note
 
 #: A mean rate within this fraction of Earth rate tells that a unit is right.
@@ -64,8 +64,8 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
     uncertain = float(np.linalg.norm(gyro_error)) / EARTH_RATE
     implausible = norm > IMPLAUSIBLE_HIGH or noise > IMPLAUSIBLE_ARW or (norm + 3 * uncertain < IMPLAUSIBLE_LOW)
     likely, possible = [], []
-    for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.increments, rate_hz):
-        if force is not None and increments != declared.increments:
+    for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.gyro_increments, rate_hz):
+        if force is not None and increments != declared.gyro_increments:
             continue  # gravity has told already whether these are increments
         certain = uncertain * factor < NEAR_EARTH_RATE
         near = abs(norm * factor - 1) < NEAR_EARTH_RATE and certain
@@ -81,8 +81,9 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
     if proposed:
         raise InputError(
             f"{name}: the mean angular rate is {norm * EARTH_RATE / DEG_PER_HOUR:.4g} deg/h and its angle random walk "
-            f"{noise / DEG_PER_SQRT_HOUR:.2g} deg/sqrt(h) if {_words('gyro', declared.gyro_unit, declared.increments)} "
-            f"is right; a gyro at rest shows Earth rate, 15.04 deg/h, and its bias. {' or '.join(proposed)} fits. "
+            f"{noise / DEG_PER_SQRT_HOUR:.2g} deg/sqrt(h) if "
+            f"{_words('gyro', declared.gyro_unit, declared.gyro_increments)} is right; a gyro at rest shows "
+            f"Earth rate, 15.04 deg/h, and its bias. {' or '.join(proposed)} fits. "
             "(If the declaration is right, the bias hides Earth rate and no heading can be had.)"
         )
 
@@ -157,7 +158,7 @@ def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) 
         return
     proposed = [
         _words("accel", unit, increments, declared)
-        for unit, increments, factor in _others(ACCEL_UNITS, declared.accel_unit, declared.increments, rate_hz)
+        for unit, increments, factor in _others(ACCEL_UNITS, declared.accel_unit, declared.accel_increments, rate_hz)
         if PROPOSED_FORCE_LOW <= share * factor <= PROPOSED_FORCE_HIGH
     ]
     cure = (
@@ -168,7 +169,7 @@ def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) 
     )
     raise InputError(
         f"{name}: the mean specific force is {size:.4g} m/s^2 if "
-        f"{_words('accel', declared.accel_unit, declared.increments)} is right; at rest it is gravity, "
+        f"{_words('accel', declared.accel_unit, declared.accel_increments)} is right; at rest it is gravity, "
         f"{STANDARD_GRAVITY:.2f} m/s^2 ({FORCE_LOW:g} to {FORCE_HIGH:g} times that is accepted). {cure}"
     )
 
@@ -177,7 +178,8 @@ def _others(units: dict[str, float], unit: str, increments: bool, rate_hz: float
     """Other readings of the same numbers: unit, whether increments, and the factor on the values."""
     for other_increments in (increments, not increments):
         per_second = {(False, False): 1.0, (True, True): 1.0, (False, True): rate_hz, (True, False): 1 / rate_hz}
-        for other, scale in units.items():
+        for other in (unit for unit in (*GYRO_PROPOSED, *ACCEL_PROPOSED) if unit in units):
+            scale = units[other]
             if (other, other_increments) != (unit, increments):
                 yield other, other_increments, scale / units[unit] * per_second[increments, other_increments]
 
@@ -189,7 +191,7 @@ def _words(sensor: str, unit: str, increments: bool, declared: Declared | None =
         return f"{words} --increments" if increments else words
     if unit == (declared.gyro_unit if sensor == "gyro" else declared.accel_unit):
         words = ""
-    if increments != declared.increments:
+    if increments != (declared.gyro_increments if sensor == "gyro" else declared.accel_increments):
         words += " --increments" if increments else " without --increments"
     return words.strip()
 

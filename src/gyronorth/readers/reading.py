@@ -16,6 +16,7 @@ from gyronorth.readers.declared import Declared, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.presets import load
 from gyronorth.readers.registry import open_source
 from gyronorth.readers.source import Source
 from gyronorth.recording import AxesOrigin, Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
@@ -46,6 +47,7 @@ class RecordingInfo:
     session: str | None
     start_time_utc: str | None
     notes: tuple[Note, ...] = field(default=())  # remarks on the axes, from the first chunk
+    read_as: str = ""  # what each column was taken for, for people
 
 
 def read(
@@ -135,10 +137,12 @@ class Reading:
     """One pass through a file."""
 
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
+        if options.preset is not None:
+            options = load(options.preset).onto(options)
         self.options = options
         self.progress = progress
         self.source: Source = open_source(path, options)
-        self.declared: Declared = resolve(self.source, options)
+        self.declared: Declared = resolve(self.source, options, path)
         self.regulariser = GridBuilder(self.source, self.declared, options)
         self.length_notes: tuple[Note, ...] = ()
 
@@ -208,6 +212,7 @@ class Reading:
             session=stated.session,
             start_time_utc=self.start_time(0),
             notes=notes,
+            read_as=source.read_as,
         )
 
     def start_time(self, first: int) -> str | None:
@@ -242,6 +247,7 @@ class Reading:
             session=stated.session,
             start_time_utc=self.start_time(first),
             source=self.source.name,
+            read_as=self.source.read_as,
             rows_dropped=rows_dropped,
             gaps=gaps,
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),

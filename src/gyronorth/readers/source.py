@@ -22,11 +22,11 @@ class Facts:
     """What is known of a file: stated in it, or usual for its format. Angles in rad."""
 
     rate_hz: float | None = None  # Hz
-    gyro_unit: str | None = None  # deg/s, rad/s or deg/h
-    accel_unit: str | None = None  # m/s2 or g
+    gyro_unit: str | None = None  # of `options.GYRO_UNITS`
+    accel_unit: str | None = None  # of `options.ACCEL_UNITS`
     axes: str | None = None  # as in `axes.mat_bf`
     axes_assumed: str | None = None  # the same, where nobody had said so before the file was written
-    increments: bool = False  # values are per sample, not per second
+    increments: bool | str = False  # values are per sample, not per second; "gyro" or "accel": of that sensor alone
     latitude: float | None = None  # rad
     heading_true: float | None = None  # rad
     session: str | None = None
@@ -72,6 +72,7 @@ class Clock:
     wrap: float | None = None  # the value at which it starts again from 0
     name: str = TIME  # its name in the file, for messages
     known: bool = False  # whether the unit is declared or stated, not assumed
+    zero: float = 0.0  # s, added to its times before they are compared with another clock's
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,15 @@ class Parts:
     exact: bool  # whether that many; else about
     block: int  # rows, about, that one look takes
     read: Callable[[float], Block]  # the rows at a share of the file, 0: the first ones, 1: the last ones
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that a file leaves open: what is seen of it, and the options that would settle it."""
+
+    says: str  # a sentence
+    options: tuple[str, ...]  # as the command line takes them
+    certain: bool = True  # whether physics tells so; else they are the likeliest
 
 
 @dataclass(frozen=True)
@@ -101,6 +111,9 @@ class Source:
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
     parts: Parts | None = None  # None: it can only be read as a whole
+    questions: tuple[Question, ...] = ()  # what must be declared before it can be read
+    read_as: str = ""  # what each column was taken for, for people
+    held: object = None  # what must live for as long as it is read
 
 
 def rows_block(values: NDArray[np.float64], before: int, *, share: float = 0.0) -> Block:

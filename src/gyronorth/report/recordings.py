@@ -35,6 +35,7 @@ def print_description(description: Description, stream: TextIO) -> None:
         ("format", doc["format"]),
         *([("topic", doc["topic"])] if doc["topic"] else []),
         ("columns", ", ".join(doc["columns"])),
+        *([("read as", doc["read_as"])] if doc["read_as"] else []),
         ("length", _length(doc)),
         ("units in the file", f"{units}{', increments' if doc['increments'] else ''}"),
         ("axes in the file", axes),

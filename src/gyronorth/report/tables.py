@@ -46,6 +46,7 @@ class Outcome:
     estimate: HeadingEstimate | None = None
     message: str = ""
     heading_true: float | None = None  # rad, when the file knows it
+    read_as: str = ""  # what each column of the file was taken for
 
     def document(self) -> dict[str, Any]:
         """One object of the JSON array of a folder: `file`, `error` and the heading's fields, where there is one."""

@@ -80,11 +80,13 @@ def _rate(text: str, head: TextHead) -> float:
 
 
 def _recognises(head: bytes) -> bool:
-    return head.startswith(b"//") or b"PacketCounter\t" in head
+    """Whether comments of MT Manager, or its columns, are at the start of a file."""
+    own = (b"Start Time", b"Update Rate", b"PacketCounter")
+    return b"PacketCounter\t" in head or (head.startswith(b"//") and any(word in head for word in own))
 
 
 FORMAT = Format(
     format_info("mt-manager"),
     open_mt_manager,
-    recognises=lambda head: head.startswith(b"//") or b"PacketCounter\t" in head,
+    recognises=_recognises,
 )
