@@ -69,12 +69,14 @@ def find_clock(
     if all(len(found) == 1 for found in of_day.values()):
         hour, minute = of_day["hour"][0], of_day["minute"][0]
         columns = ClockColumns((hour, minute, position), (3600.0, 60.0, 1.0))
-        return FoundClock(Clock(1.0, DAY, title), columns, position, f"hours, minutes and {title}")
+        return FoundClock(Clock(1.0, DAY, title, known=True), columns, position, f"hours, minutes and {title}")
     partner = _partner(parts, position)
     if partner is not None and parts[partner].kind == "week":
         unit = TIME_UNITS[time_unit or part.unit or "s"]
         columns = ClockColumns((partner, position), (WEEK, unit))
-        return FoundClock(Clock(1.0, name=title), columns, position, f"{layout.titles[partner]} and {title}")
+        return FoundClock(
+            Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
+        )
     if partner is not None:
         columns = ClockColumns((position, partner), (1.0, 1e-9))
         return FoundClock(Clock(1.0, name=title), columns, position, f"{title} and {layout.titles[partner]}")
@@ -84,7 +86,8 @@ def find_clock(
     wrap = WEEK / unit if set(part.words) & OF_THE_WEEK else None
     name = {scale: text for text, scale in TIME_UNITS.items()}[unit]
     stated = "" if f"({name})" in title or f"[{name}]" in title else f" ({name}{why})"
-    return FoundClock(Clock(unit, wrap, name=title), None, position, f"{title}{stated}", question)
+    known = time_unit is not None or bool(part.unit)
+    return FoundClock(Clock(unit, wrap, name=title, known=known), None, position, f"{title}{stated}", question)
 
 
 def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:
@@ -136,7 +139,7 @@ def _written(layout: TextLayout, position: int, title: str) -> FoundClock:
         question = Question(f"{title} is {fields[0][:40] if fields else ''!r}, which is no time.", ("--columns", "t=-"))
         return FoundClock(Clock(1.0, name=title), None, position, title, question)
     return FoundClock(
-        Clock(1.0, text.wrap, title), ClockColumns(positions, text=text), position, f"{title} ({text.form})"
+        Clock(1.0, text.wrap, title, known=True), ClockColumns(positions, text=text), position, f"{title} ({text.form})"
     )
 
 
