@@ -54,9 +54,9 @@ def test_increments_are_divided_by_the_interval(tmp_path, unit):
 
 def test_units_that_nobody_states_are_asked_for(tmp_path):
     path = unit_file(tmp_path)
-    with pytest.raises(InputError, match=r"in which unit w_x, w_y, w_z are\. Declare it: --gyro-unit rad/s or deg/s"):
+    with pytest.raises(InputError, match=r"in which unit w_x, w_y, w_z are: Earth rate, .* fits --gyro-unit rad/s, 15"):
         read(path, accel_unit="m/s2")
-    with pytest.raises(InputError, match=r"in which unit f_x, f_y, f_z are\. Declare it: --accel-unit m/s2 or g"):
+    with pytest.raises(InputError, match=r"in which unit f_x, f_y, f_z are: gravity fits m/s2, 9.807 m/s2"):
         read(path, gyro_unit="rad/s")
 
 
@@ -84,8 +84,8 @@ def test_declarations_that_agree_with_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gyro_unit": "deg"}, r"gyro_unit is 'deg'; one of rad/s, deg/s, deg/h is expected"),
-        ({"accel_unit": "mg"}, r"accel_unit is 'mg'; one of m/s2, g is expected"),
+        ({"gyro_unit": "deg"}, r"gyro_unit is 'deg'; one of rad/s, deg/s, deg/h, mdeg/s"),
+        ({"accel_unit": "kg"}, r"accel_unit is 'kg'; one of m/s2, g, mg"),
         ({"rate_hz": 0}, "declared rate is 0 Hz"),
         ({"rate_hz": float("nan")}, "declared rate is nan Hz"),
         ({"latitude": 32.11}, "latitude is 1839.77 deg"),

@@ -13,6 +13,7 @@ from gyronorth.cli import (  # noqa: F401  # they join the application
     calibrate_command,
     explain_command,
     heading_command,
+    import_command,
     live_command,
     published_command,
     recording_commands,

@@ -45,8 +45,10 @@ class Commands(TyperGroup):
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # for as long as the command runs
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # a file name may not fit the terminal's encoding
+        given = list(args[0] if args and args[0] is not None else extra.pop("args", None) or sys.argv[1:])
+        given = with_bare_increments(given)
         try:
-            code = super().main(*args, standalone_mode=False, **extra)
+            code = super().main(given, *args[1:], standalone_mode=False, **extra)
             sys.stdout.flush()
         except BrokenPipeError:
             sys.stdout = None  # type: ignore[assignment]  # whoever read us has gone: nothing is left to flush
@@ -54,14 +56,23 @@ class Commands(TyperGroup):
         except (KeyboardInterrupt, typer.Abort):
             _fail("interrupted", 130)
         except Exception as error:
-            message = _user_error(error)
+            message = _user_error(error, given)
             if message is None or progress.level == VERBOSE:
                 raise
             _fail(message, 2)
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _user_error(error: Exception) -> str | None:
+def with_bare_increments(arguments: list[str]) -> list[str]:
+    """The arguments with `--increments` alone meaning those of both sensors."""
+    behind = [*arguments[1:], ""]
+    return [
+        "--increments=both" if word == "--increments" and after not in ("gyro", "accel", "both") else word
+        for word, after in zip(arguments, behind, strict=True)
+    ]
+
+
+def _user_error(error: Exception, arguments: list[str]) -> str | None:
     """The message of an error the user can cure, None for a fault of ours."""
     from gyronorth.errors import InputError
 
@@ -71,7 +82,8 @@ def _user_error(error: Exception) -> str | None:
         # Some versions let a word of pydantic's through.
         return error.format_message().replace("Value error, ", "") + hint  # type: ignore[attr-defined]
     if isinstance(error, InputError):
-        return str(error)
+        # A reader's question ends in the command that would settle it.
+        return error.for_command(arguments) if hasattr(error, "for_command") else str(error)  # type: ignore[attr-defined]
     if isinstance(error, OSError):
         return f"{error.filename or 'output'}: {error.strerror or error}."
     if isinstance(error, MemoryError):

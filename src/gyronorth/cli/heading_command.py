@@ -180,7 +180,7 @@ def _file(
             recording = request.read(path, progress)
         with working("finding north"):
             estimate = request.heading(recording)
-        outcome = Outcome(address, estimate, heading_true=recording.heading_true)
+        outcome = Outcome(address, estimate, heading_true=recording.heading_true, read_as=recording.read_as)
         if plot is not None or report is not None:
             with working("drawing"):
                 _draw(outcome, recording, request, plot=plot, report=report)

@@ -198,6 +198,15 @@ Plot = Annotated[
 ]
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
+_per_count = number("a number of units in one count", "6.1e-5")
+
+
+def _declares(metavar: str, text: str, parser: Callable[[str], Any] | None = None) -> tuple[Any, None]:
+    """Annotation and default of an option that declares something about the file."""
+    option = typer.Option(metavar=metavar, parser=parser, help=text, rich_help_panel=FILE)
+    return Annotated[str | None if parser is None else Any, option], None
+
+
 #: What `with_reading` adds to a command: option name -> (annotation, default).
 READING: dict[str, tuple[Any, Any]] = {
     "latitude": (Latitude, None),
@@ -233,37 +242,20 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
-    "gyro_unit": (
-        Annotated[
-            str | None,
-            typer.Option(
-                metavar="UNIT",
-                autocompletion=completion.gyro_unit,
-                help="deg/s, rad/s or deg/h.",
-                rich_help_panel=FILE,
-            ),
-        ],
-        None,
+    "gyro_unit": _declares("UNIT", "deg/s, rad/s, deg/h, mdeg/s, mrad/s or arcsec/s."),
+    "accel_unit": _declares("UNIT", "m/s2, g, mg, ug or cm/s2."),
+    "gyro_scale": _declares("UNITS", "Gyro units in one count of the file.", _per_count),
+    "accel_scale": _declares("UNITS", "Accelerometer units in one count of the file.", _per_count),
+    "increments": _declares(
+        "[gyro|accel|both|none]", "The file holds increments per sample, not rates; of both sensors if none is named."
     ),
-    "accel_unit": (
-        Annotated[
-            str | None,
-            typer.Option(metavar="UNIT", autocompletion=completion.accel_unit, help="m/s2 or g.", rich_help_panel=FILE),
-        ],
-        None,
+    "increment_interval": _declares(
+        "SECONDS",
+        "Time that an increment covers, where it is not the sample interval.",
+        number("a positive time in seconds", "0.005", above=0),
     ),
-    "increments": (
-        Annotated[
-            bool | None,
-            typer.Option(
-                "--increments/--no-increments",
-                help="The file holds increments per sample, or rates.",
-                show_default=False,
-                rich_help_panel=FILE,
-            ),
-        ],
-        None,
-    ),
+    "time_unit": _declares("UNIT", "Unit of the time column: s, ms, us or ns."),
+    "preset": _declares("NAME|FILE", "Declarations of a program's files, by name or from a file that import saved."),
     "columns": (
         Annotated[
             Any,
@@ -292,6 +284,28 @@ READING: dict[str, tuple[Any, Any]] = {
             str | None,
             typer.Option(
                 metavar="NAME", help="Topic of sensor_msgs/Imu in a bag or an MCAP file.", rich_help_panel=FILE
+            ),
+        ],
+        None,
+    ),
+    "accel": (
+        Annotated[
+            Path | None,
+            typer.Option(
+                metavar="FILE",
+                help="The accelerometer's file, where the gyro has one of its own; joined on time.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "accel_topic": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME",
+                help="The accelerometer's topic, where the gyro has one of its own.",
+                rich_help_panel=FILE,
             ),
         ],
         None,
@@ -376,11 +390,14 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     from gyronorth.readers import ReadOptions
 
     given = {name: value for name, value in values.items() if value is not None}
-    names = {"rate": "rate_hz", "accel_range": "accel_range_g"}
-    fields = {names.get(name, name): value for name, value in given.items()}
+    named = {"rate": "rate_hz", "accel": "accel_file", "accel_range": "accel_range_g"}
+    fields = {named.get(name, name): value for name, value in given.items()}
     for option, (field, value) in zip(given, fields.items(), strict=True):
+        with_it: dict[str, Any] = (
+            {"increments": True} if field == "increment_interval" and fields.get("increments") else {}
+        )
         try:
-            ReadOptions(**{field: value})
+            ReadOptions(**{field: value}, **with_it)
         except InputError as error:
             raise typer.BadParameter(str(error), param_hint=f"'--{option.replace('_', '-')}'") from None
     return ReadOptions(**fields)

@@ -99,7 +99,7 @@ class Stretch:
 
     def usable(self, rows: LiveRows) -> NDArray[np.bool_]:
         """Which rows are plausible: within any sensor's range, and not all forces zero."""
-        data = rows.values[:, self.form.time :] * self.declared.scale
+        data = rows.values[:, self.form.time :] * self.declared.scale(1.0)
         limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
         usable: NDArray[np.bool_] = np.asarray((np.abs(data) <= limit).all(axis=1))
         if data.shape[1] == 6:
@@ -115,23 +115,25 @@ class Stretch:
             span = held[-1].values[-1, 0] - held[0].values[0, 0] if held else 0.0
             look = LOOK_MEASURE if self.declared.rate_hz is None else LOOK_DECLARED
             if span < look and sum(map(len, held)) < LOOK_ROWS:
-                return self._split(np.zeros((0, len(self.declared.scale))))
+                return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
             rows, self._looking = LiveRows.joined(held), None
         return self._gridded(rows)
 
     def end(self) -> tuple[Array, Array | None]:
-        """What was still looked at, at the end of the stream."""
+        """What was still looked at, or waited for later stamps, at the end of the stream."""
         held, self._looking = self._looking, None
-        if not held or sum(map(len, held)) < 2:
-            return self._split(np.zeros((0, len(self.declared.scale))))
-        return self._gridded(LiveRows.joined(held))
+        if held is not None and sum(map(len, held)) < 2:
+            return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
+        return self._gridded(LiveRows.joined(held) if held else None, last=True)
 
-    def _gridded(self, rows: LiveRows) -> tuple[Array, Array | None]:
-        if len(rows) == 0:
-            return self._split(np.zeros((0, len(self.declared.scale))))
-        numbers = np.arange(self._rows + 1, self._rows + 1 + len(rows))
-        self._rows += len(rows)
-        samples = self._regulariser.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
+    def _gridded(self, rows: LiveRows | None, *, last: bool = False) -> tuple[Array, Array | None]:
+        samples = np.zeros((0, len(self.declared.scale(1.0))))
+        if rows is not None and len(rows):
+            numbers = np.arange(self._rows + 1, self._rows + 1 + len(rows))
+            self._rows += len(rows)
+            samples = self._regulariser.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
+        if last:
+            samples = np.concatenate([samples, self._regulariser.flush()])
         self.samples += len(samples)
         self.gaps += len(self._regulariser.gaps)
         self.longest_gap = max((gap.samples for gap in self._regulariser.gaps), default=0)
@@ -166,6 +168,6 @@ class Stretch:
             check_units(samples, self.declared, rate_hz=rate_hz, name=self._source.name)
         except InputError as error:
             return Finding("units_suspect", str(error))
-        notes = check_axes(samples, self.declared, name=self._source.name) if samples.shape[1] == 6 else ()
+        notes = check_axes(samples, self.declared, name=self._source.name)
         blocking = [Finding(note.code, note.message, note.value, note.limit) for note in notes if note.blocking]
         return blocking[0] if blocking else None

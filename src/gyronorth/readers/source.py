@@ -24,10 +24,11 @@ class Facts:
     """What is known of a file: stated in it, or usual for its format. Angles in rad."""
 
     rate_hz: float | None = None  # Hz
-    gyro_unit: str | None = None  # deg/s, rad/s or deg/h
-    accel_unit: str | None = None  # m/s2 or g
+    gyro_unit: str | None = None  # of `options.GYRO_UNITS`
+    accel_unit: str | None = None  # of `options.ACCEL_UNITS`
     axes: str | None = None  # as in `axes.mat_bf`
-    increments: bool = False  # values are per sample, not per second
+    axes_assumed: str | None = None  # the same, where nobody had said so before the file was written
+    increments: bool | str = False  # values are per sample, not per second; "gyro" or "accel": of that sensor alone
     latitude: float | None = None  # rad
     heading_true: float | None = None  # rad
     session: str | None = None
@@ -73,6 +74,8 @@ class Clock:
     unit: float | None  # s per unit; None: it counts samples, the rate must come from elsewhere
     wrap: float | None = None  # the value at which it starts again from 0
     name: str = TIME  # its name in the file, for messages
+    known: bool = False  # whether the unit is declared or stated, not assumed
+    zero: float = 0.0  # s, added to its times before they are compared with another clock's
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,15 @@ class Parts:
     exact: bool  # whether that many; else about
     block: int  # rows, about, that one look takes
     read: Callable[[float], Block]  # the rows at a share of the file, 0: the first ones, 1: the last ones
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that a file leaves open: what is seen of it, and the options that would settle it."""
+
+    says: str  # a sentence
+    options: tuple[str, ...]  # as the command line takes them
+    certain: bool = True  # whether physics tells so; else they are the likeliest
 
 
 @dataclass(frozen=True)
@@ -98,10 +110,14 @@ class Source:
     clock: Clock | None = None  # meaning of column t; None when there is none
     ours: bool = False  # written by gyronorth, in SI
     decoded: bool = False  # from frames, in SI: declared units and increments belong to their decoding
+    axes_defined: bool = False  # the usual axes are those that the format defines, not a mere habit
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
     parts: Parts | None = None  # None: it can only be read as a whole
+    questions: tuple[Question, ...] = ()  # what must be declared before it can be read
+    read_as: str = ""  # what each column was taken for, for people
+    held: object = None  # what must live for as long as it is read
 
 
 def rows_block(values: NDArray[np.float64], before: int, *, share: float = 0.0) -> Block:

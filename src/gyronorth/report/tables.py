@@ -59,6 +59,8 @@ class Outcome:
         """The same with what tells later whether it still holds."""
         return replace(self, checksum=checksum, settings=settings)
 
+    read_as: str = ""  # what each column of the file was taken for
+
     def document(self) -> dict[str, Any]:
         """One object of the JSON array of a folder: `file`, `error` and the heading's fields, where there is one."""
         if self.estimate is None:

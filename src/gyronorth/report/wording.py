@@ -134,5 +134,6 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
         lines.append(("pose", f"{span}: {heading_text(pose['heading_deg'])} deg"))
     end = "" if doc["end_time_utc"] is None else f", ends {doc['end_time_utc']}"
     lines.append(("recording", f"{outcome.file}, {doc['duration_s']:g} s at {doc['rate_hz']:g} Hz{end}"))
+    lines += [("read as", outcome.read_as)] if outcome.read_as else []
     lines.append(("sensor", doc["sensor"] or "no profile given"))
     return lines

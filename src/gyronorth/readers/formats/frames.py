@@ -44,6 +44,7 @@ def open_frames(path: Path, options: ReadOptions) -> Source:
         blocks=partial(_blocks, path, protocol, declared),
         stated=SI,
         usual=usual_facts(report),
+        axes_defined=report.axes is not None,
         decoded=True,
         clock=Clock(unit=1.0, name="the unit's clock") if on_clock else Clock(unit=None, name="the frames"),
         notes=report.findings,
@@ -85,7 +86,7 @@ def frame_options(protocol: str, options: ReadOptions, name: str) -> Options:
             )
     if options.gyro_unit == "deg/h":
         raise InputError(f"--gyro-unit deg/h is declared of {name}; KVH frames hold rad/s or deg/s.")
-    increments = None if options.increments is None else "both" if options.increments else "none"
+    increments = {None: None, True: "both", False: "none"}.get(options.increments, options.increments)  # type: ignore[call-overload]
     gyro_unit = cast("Literal['rad/s', 'deg/s'] | None", options.gyro_unit)
     return Options(options.rate_hz, gyro_unit, increments, options.accel_range_g, options.imu)
 
