@@ -146,12 +146,14 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("units_suspect", "reason", "units to be checked", "The declared units give no unit on Earth."),
     FindingInfo("gaps", "reason", "too many samples missing", "More samples are missing than may be bridged."),
     FindingInfo("axes_suspect", "warning", "axes to be declared", "Gravity does not lie along body down."),
+    FindingInfo("axes_assumed", "warning", "axes assumed", "Nobody says which way the axes point."),
     FindingInfo("bias_unknown", "warning", "no profile", "The size of the gyro's errors is inferred."),
     FindingInfo("assumed_level", "warning", "taken as level", "There is no accelerometer and no given attitude."),
     FindingInfo("swaying", "warning", "swaying", "The attitude swayed, or its tilt changed."),
     FindingInfo("rows_dropped", "warning", "rows left out", "Rows that could not be read were left out."),
     FindingInfo("gaps_bridged", "warning", "samples bridged", "Samples were missing and are bridged."),
     FindingInfo("time_jitter", "warning", "uneven time stamps", "The time stamps scatter about an even grid."),
+    FindingInfo("time_wraps", "warning", "clock wrapped", "The clock starts again from 0 at a known place."),
     FindingInfo(
         "rate_conflict", "warning", "two rates", "Clock, configuration, declaration or table tell other rates."
     ),

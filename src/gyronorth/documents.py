@@ -151,6 +151,21 @@ class NoteDocument(TypedDict):
     blocking: bool
 
 
+class ClockDocument(TypedDict):
+    """What the time stamps show; None in `info` without a time column, and where not all of the file was read."""
+
+    data_s: float
+    lost: int
+    late: int
+    latest_s: float
+    repeated: int
+    duplicated: int
+    backwards: int
+    wraps: list[str]
+    given_back: int
+    scatter: float
+
+
 class InfoDocument(TypedDict):
     """`gyronorth info --json`."""
 
@@ -179,6 +194,9 @@ class InfoDocument(TypedDict):
     notes: list[NoteDocument]
     estimated_from: dict[str, object] | None
     read_as: str
+    axes_origin: Literal["stated", "declared", "format", "assumed"]
+    clock: ClockDocument | None
+    schema: Literal["gyronorth.info/1"]
 
 
 class LiveState(TypedDict):

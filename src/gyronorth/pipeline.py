@@ -94,10 +94,30 @@ def heading(
     )
     result = registry.solve(method, problem, _options(model, turn_angles, deviation))
     found = verdict.estimate(problem, result, notes=recording.notes, start_time_utc=recording.start_time_utc)
+    found = _with_other_headings(found, recording.axes)
     for note in recording.notes:
         if note.blocking and found.valid:
             raise InputError(note.message)
     return found
+
+
+def _with_other_headings(found: HeadingEstimate, axes: str) -> HeadingEstimate:
+    """The warning that axes are assumed, with the headings that the others would give."""
+    if found.heading is None or not any(warning.code == "axes_assumed" for warning in found.warnings):
+        return found
+    from gyronorth.readers.axes import about_vertical
+
+    others = ", ".join(
+        f"{np.degrees((found.heading + added) % (2 * np.pi)):.2f} deg with --axes {letters}"
+        for letters, added in about_vertical(axes)
+    )
+    warnings = [
+        replace(warning, message=f"{warning.message} The heading would be {others}.")
+        if warning.code == "axes_assumed"
+        else warning
+        for warning in found.warnings
+    ]
+    return replace(found, warnings=tuple(warnings))
 
 
 def heading_batch(

@@ -132,12 +132,18 @@ def test_window_beyond_the_end(tmp_path, window, message):
         read(csv_file(tmp_path, csv_rows(1000)), window=window)
 
 
-def test_a_clock_that_is_reset_is_refused(tmp_path):
-    time = np.concatenate([np.arange(500), np.arange(500)]) / 100
-    with pytest.raises(InputError, match=r"Row 505 of rec.csv: time runs backwards: t is 0 after 4.99"):
-        read(timed_file(tmp_path, time))
-    with pytest.raises(InputError, match=r"500 of 1000 rows of rec.csv are bad"):
-        read(timed_file(tmp_path, time), drop_bad_rows=True)
+def test_a_clock_that_starts_again_is_refused_and_both_cures_work(tmp_path):
+    time = np.concatenate([np.arange(500), np.arange(500)]) / 100 + 3
+    path = timed_file(tmp_path, time)
+    for drop in (False, True):
+        with pytest.raises(InputError) as caught:
+            read(path, drop_bad_rows=drop)
+        message = str(caught.value)
+        assert message.startswith("Row 505 of rec.csv: t is 3 after 7.99, and the rows behind it go on from there")
+        assert "--window 0:5;" in message
+        assert "--columns t=- --rate 100." in message
+    assert_array_equal(read(path, window=(0, 5)).gyro_b, still(1000)[0][:500])
+    assert_array_equal(read(path, columns={"t": "-"}, rate_hz=100).gyro_b, still(1000)[0])
 
 
 def test_repeated_rows_can_be_dropped(tmp_path):

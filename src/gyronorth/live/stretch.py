@@ -117,18 +117,19 @@ class Stretch:
         return self._gridded(values)
 
     def end(self) -> tuple[Array, Array | None]:
-        """What was still looked at, at the end of the stream."""
+        """What was still looked at, or waited for later stamps, at the end of the stream."""
         held, self._looking = self._looking, None
-        if not held or sum(map(len, held)) < 2:
+        if held is not None and sum(map(len, held)) < 2:
             return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
-        return self._gridded(np.concatenate(held))
+        width = self.form.time + len(self.declared.scale(1.0))
+        return self._gridded(np.concatenate(held) if held else np.zeros((0, width)), last=True)
 
-    def _gridded(self, values: Array) -> tuple[Array, Array | None]:
-        if len(values) == 0:
-            return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
+    def _gridded(self, values: Array, *, last: bool = False) -> tuple[Array, Array | None]:
         numbers = np.arange(self._rows + 1, self._rows + 1 + len(values))
         self._rows += len(values)
         samples = self._regulariser.push(Block(values, numbers, Bad.none()))
+        if last:
+            samples = np.concatenate([samples, self._regulariser.flush()])
         self.samples += len(samples)
         self.gaps += len(self._regulariser.gaps)
         self._regulariser.gaps.clear()
@@ -162,6 +163,6 @@ class Stretch:
             check_units(samples, self.declared, rate_hz=rate_hz, name=self._source.name)
         except InputError as error:
             return Finding("units_suspect", str(error))
-        notes = check_axes(samples, self.declared, name=self._source.name) if samples.shape[1] == 6 else ()
+        notes = check_axes(samples, self.declared, name=self._source.name)
         blocking = [Finding(note.code, note.message, note.value, note.limit) for note in notes if note.blocking]
         return blocking[0] if blocking else None

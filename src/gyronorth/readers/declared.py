@@ -14,6 +14,7 @@ from gyronorth.readers.axes import convention, mat_bf, mat_vb
 from gyronorth.readers.evidence import Fit, accel_fits, earth_words, gyro_fits, is_whole, norm_of_parts
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions, increments_of
 from gyronorth.readers.source import FORCES, RATES, TIME, Question, Source
+from gyronorth.recording import AxesOrigin
 
 #: Largest relative difference between a declared rate and the one that the file states.
 RATE_STATED_TOLERANCE = 1e-3
@@ -29,7 +30,7 @@ class Declared:
     gyro_unit: str
     accel_unit: str  # "" without an accelerometer
     axes: str  # three letters
-    axes_declared: bool  # by the user or the file, not by mere convention
+    axes_origin: AxesOrigin
     gyro_increments: bool
     accel_increments: bool
     mat_vf: NDArray[np.float64] | None  # file axes to vehicle axes, shape (3, 3); None: the same
@@ -53,6 +54,11 @@ class Declared:
         accel = ACCEL_UNITS[self.accel_unit] * self.accel_scale * (per_second if self.accel_increments else 1.0)
         return np.array([gyro] * 3 + [accel] * 3)
 
+    @property
+    def axes_declared(self) -> bool:
+        """Whether the user or the file says so, not mere convention."""
+        return self.axes_origin in ("stated", "declared")
+
 
 def resolve(source: Source, options: ReadOptions, path: Path | str | None = None) -> Declared:
     """Put declarations, statements and conventions together; `path` is for the message.
@@ -75,7 +81,8 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
     if gyro_unit is None or accel_unit is None or asks_rate or source.questions:
         raise _open(source, options, path or name, gyro_unit, accel_unit, increments, asks_rate)
     declared_axes = options.axes or stated.axes
-    usual_axes = usual.axes or "frd"
+    usual_axes = stated.axes_assumed or usual.axes or "frd"
+    known = "format" if source.axes_defined and stated.axes_assumed is None else "assumed"
     mat = mat_bf(declared_axes or usual_axes)
     if options.axes and stated.axes and not np.array_equal(mat, mat_bf(stated.axes)):
         raise InputError(
@@ -91,7 +98,7 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
         gyro_unit=gyro_unit,
         accel_unit=accel_unit,
         axes=convention(mat),
-        axes_declared=declared_axes is not None,
+        axes_origin="stated" if stated.axes else "declared" if options.axes else known,
         gyro_increments="gyro" in increments,
         accel_increments="accel" in increments and has_accel,
         mat_vf=None if np.array_equal(turned, np.eye(3)) else turned,
@@ -129,7 +136,6 @@ def _open(
     """One message for all that is open, with what the first rows say."""
     questions, name = list(source.questions), source.name
     values, rate_hz = _first_values(source, options)
-    known = bool(options.increments)
     known = bool(options.increments)
     gyro, accel = (None, None) if values is None else (values[:, :3], values[:, 3:])
     interval: float | None = None

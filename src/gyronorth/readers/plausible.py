@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
-from gyronorth.readers.axes import convention, mat_bf
+from gyronorth.readers.axes import about_vertical, convention, mat_bf
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 from gyronorth.recording import Note
@@ -89,17 +89,19 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
 
 
 def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -> tuple[Note, ...]:
-    """Which axis gravity lies along, against the axes: no note, or one `axes_suspect`.
+    """Which axis gravity lies along, against the axes: no note, one `axes_suspect`, or one `axes_assumed`.
 
-    `samples`, shape (n, 6), are in file axes. A sensor that lies upside down looks the same
+    `samples`, shape (n, 3) or (n, 6), are in file axes. A sensor that lies upside down looks the same
     as one with z up, and the heading of its x axis comes out the same; but right-forward-up
     taken for forward-right-down would be a right angle off. So the note is blocking where
     nobody declared the axes.
     """
+    if samples.shape[1] != 6:
+        return _assumed(declared, name)
     force_file, _ = _robust_mean(samples[:, 3:])
     down = -float((mat_bf(declared.axes) @ force_file)[2] / np.linalg.norm(force_file))
     if down >= SUSPECT_DOWN_SHARE:
-        return ()
+        return _assumed(declared, name)
     vertical = int(np.argmax(np.abs(force_file)))
     message = (
         f"The mean specific force of {name} is ({', '.join(f'{value:+.2f}' for value in force_file)}) m/s^2 in file "
@@ -114,6 +116,18 @@ def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -
             "way round. (If the file holds gravity instead of specific force, leave its f columns out.)"
         )
     return (Note("axes_suspect", message, value=down, limit=SUSPECT_DOWN_SHARE, blocking=not declared.axes_declared),)
+
+
+def _assumed(declared: Declared, name: str) -> tuple[Note, ...]:
+    """The warning that nobody says where the axes point; none where the format defines it."""
+    if declared.axes_origin != "assumed":
+        return ()
+    message = (
+        f"Nobody says where the axes of {name} point: {declared.axes} is assumed. Gravity cannot tell which way "
+        "forward is, so the heading may be off by 90, 180 or 270 deg. Declare it: --axes "
+        f"{' or '.join(letters for letters, _ in about_vertical(declared.axes))}, or {declared.axes} if that is right."
+    )
+    return (Note("axes_assumed", message),)
 
 
 def _vertical_conventions(force_file: NDArray[np.float64]) -> str:

@@ -69,7 +69,7 @@ def probe(path: str | Path, options: ReadOptions | None = None, **declared: Any)
         if gyro:  # the first block settles the rate, against which the others are checked
             settled = replace(reading.declared, rate_hz=reading.rate_hz)
             reading.regulariser = GridBuilder(source, settled, reading.options)
-        samples = reading.regulariser.push(block)
+        samples = np.concatenate([reading.regulariser.push(block), reading.regulariser.flush()])
         reading.regulariser.raise_bad()
         if reading.regulariser.rows_dropped:  # to be counted
             return None

@@ -19,7 +19,7 @@ from gyronorth.readers.plausible import check_axes, check_units
 from gyronorth.readers.presets import load
 from gyronorth.readers.registry import open_source
 from gyronorth.readers.source import Source
-from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
+from gyronorth.recording import AxesOrigin, Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Called with the share of the file that is read, as the reading goes on.
 Progress = Callable[[float], None]
@@ -40,6 +40,7 @@ class RecordingInfo:
     accel_unit: str | None  # in the file; None without an accelerometer
     axes: str  # in the file, three letters
     axes_declared: bool  # by the user or in the file, not by the format's convention
+    axes_origin: AxesOrigin
     increments: bool  # whether the file holds increments
     latitude: float | None  # rad
     heading_true: float | None  # rad
@@ -119,9 +120,13 @@ def read_chunks(
         shares of missing and of dropped rows at the end. Units and axes are judged from
         the first chunk alone.
     """
+    return chunks_of(Reading(path, options_of(options, declared), progress), chunk_samples)
+
+
+def chunks_of(reading: Reading, chunk_samples: int) -> tuple[RecordingInfo, Iterator[Recording]]:
+    """What `read_chunks` returns of a reading that has not begun."""
     if chunk_samples < 1:
         raise InputError(f"chunk_samples is {chunk_samples}; at least 1 is expected.")
-    reading = Reading(path, options_of(options, declared), progress)
     stream = _rechunked(reading, chunk_samples)
     first = next(stream)
     notes = reading.check(first)
@@ -162,6 +167,7 @@ class Reading:
                 yield self.regulariser.push(block)
                 if self.regulariser.done:
                     break
+            yield self.regulariser.flush()
         except OSError as error:
             raise InputError(f"{self.source.name} cannot be read: {error}.") from None
         self._check_length()
@@ -184,7 +190,7 @@ class Reading:
         """Units and axes against Earth rate and gravity."""
         if not (self.source.ours and self.source.stated.gyro_unit == "rad/s"):
             check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
-        return check_axes(samples, self.declared, name=self.source.name) if samples.shape[1] == 6 else ()
+        return check_axes(samples, self.declared, name=self.source.name)
 
     def info(self, notes: tuple[Note, ...]) -> RecordingInfo:
         """What is known once the first samples have passed, with the remarks of `check` on these."""
@@ -199,6 +205,7 @@ class Reading:
             accel_unit=resolved.accel_unit or None,
             axes=resolved.axes,
             axes_declared=resolved.axes_declared,
+            axes_origin=resolved.axes_origin,
             increments=resolved.increments,
             latitude=resolved.latitude,
             heading_true=resolved.heading_true,
@@ -244,6 +251,8 @@ class Reading:
             rows_dropped=rows_dropped,
             gaps=gaps,
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),
+            axes="frd" if any(self.options.boresight) else self.declared.axes,
+            axes_origin=self.declared.axes_origin,
         )
 
     def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
@@ -259,12 +268,19 @@ class Reading:
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
+        counts = self.regulariser.counts
         if self.regulariser.jitter > JITTER:
             message = (
                 f"The time stamps of {self.source.name} scatter by {self.regulariser.jitter:.2f} sample intervals "
                 "about an even grid; the samples are taken as evenly spaced."
             )
             notes += (Note("time_jitter", message, value=self.regulariser.jitter, limit=JITTER),)
+        if counts.wraps:
+            message = (
+                f"The clock of {self.source.name} starts again from 0 as {' and as '.join(counts.wraps)}; the samples "
+                "are taken to go on without a break."
+            )
+            notes += (Note("time_wraps", message, value=float(len(counts.wraps))),)
         return notes
 
 

@@ -230,7 +230,7 @@ def first_stamp(outgoing: RecordingStream) -> int:
 
 def ros_messages(outgoing: RecordingStream, start: int, *, cdr: bool) -> Iterator[tuple[list[int], list[memoryview]]]:
     """Stamps, ns, and serialised messages in forward-left-up axes, block by block."""
-    flu = np.array([1.0, -1.0, -1.0])
+    flu = np.array([1.0, -1.0, -1.0]) if outgoing.axes_assumed is None else np.ones(3)
     for rows in outgoing.rows():
         numbers = rows.numbers()
         stamp = start + np.rint(numbers / outgoing.rate_hz * 1e9).astype(np.int64)
@@ -240,7 +240,7 @@ def ros_messages(outgoing: RecordingStream, start: int, *, cdr: bool) -> Iterato
 
 def ros_texts(outgoing: RecordingStream) -> dict[str, str]:
     """The facts by key, as they hold for messages in forward-left-up axes."""
-    return write_facts(replace(outgoing.facts, axes="flu"))
+    return write_facts(replace(outgoing.facts, axes="flu" if outgoing.axes_assumed is None else None))
 
 
 def _blocks(topic: ImuTopic, kind: _Kind) -> Iterator[Block]:

@@ -25,6 +25,7 @@ class Facts:
     gyro_unit: str | None = None  # of `options.GYRO_UNITS`
     accel_unit: str | None = None  # of `options.ACCEL_UNITS`
     axes: str | None = None  # as in `axes.mat_bf`
+    axes_assumed: str | None = None  # the same, where nobody had said so before the file was written
     increments: bool | str = False  # values are per sample, not per second; "gyro" or "accel": of that sensor alone
     latitude: float | None = None  # rad
     heading_true: float | None = None  # rad
@@ -71,6 +72,7 @@ class Clock:
     wrap: float | None = None  # the value at which it starts again from 0
     name: str = TIME  # its name in the file, for messages
     zero: float = 0.0  # s, added to its times before they are compared with another clock's
+    known: bool = False  # whether the unit is declared or stated, not assumed
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,7 @@ class Source:
     usual: Facts = Facts()  # what its format implies: a declaration overrules it
     clock: Clock | None = None  # meaning of column t; None when there is none
     ours: bool = False  # written by gyronorth, in SI
+    axes_defined: bool = False  # the usual axes are those that the format defines, not a mere habit
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read

@@ -69,22 +69,27 @@ def find_clock(
     if all(len(found) == 1 for found in of_day.values()):
         hour, minute = of_day["hour"][0], of_day["minute"][0]
         columns = ClockColumns((hour, minute, position), (3600.0, 60.0, 1.0))
-        return FoundClock(Clock(1.0, DAY, title), columns, position, f"hours, minutes and {title}")
+        return FoundClock(Clock(1.0, DAY, title, known=True), columns, position, f"hours, minutes and {title}")
     partner = _partner(parts, position)
     if partner is not None and parts[partner].kind == "week":
         unit = TIME_UNITS[time_unit or part.unit or "s"]
         columns = ClockColumns((partner, position), (WEEK, unit))
-        return FoundClock(Clock(1.0, name=title), columns, position, f"{layout.titles[partner]} and {title}")
+        return FoundClock(
+            Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
+        )
     if partner is not None:
         columns = ClockColumns((position, partner), (1.0, 1e-9))
-        return FoundClock(Clock(1.0, name=title), columns, position, f"{title} and {layout.titles[partner]}")
+        return FoundClock(
+            Clock(1.0, name=title, known=True), columns, position, f"{title} and {layout.titles[partner]}"
+        )
     if part.kind == "counter" and time_unit is None:
         return FoundClock(Clock(None, name=title), None, position, f"{title} (a counter)")
     unit, question, why = _unit(numbers(layout, position), time_unit, part, title, rate_hz)
+    stated_unit = bool(time_unit or part.unit)
     wrap = WEEK / unit if set(part.words) & OF_THE_WEEK else None
     name = {scale: text for text, scale in TIME_UNITS.items()}[unit]
     stated = "" if f"({name})" in title or f"[{name}]" in title else f" ({name}{why})"
-    return FoundClock(Clock(unit, wrap, name=title), None, position, f"{title}{stated}", question)
+    return FoundClock(Clock(unit, wrap, name=title, known=stated_unit), None, position, f"{title}{stated}", question)
 
 
 def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:

@@ -49,6 +49,7 @@ def open_frames(path: Path, options: ReadOptions) -> Source:
         columns=(TIME, *RATES, *(FORCES if first.accel is not None else ())),
         blocks=partial(_blocks, path, protocol, options),
         stated=Facts(gyro_unit="rad/s", accel_unit="m/s2"),
+        axes_defined=report.axes is not None,
         usual=Facts(axes=report.axes, rate_hz=None if on_clock else report.rate_hz),
         clock=Clock(unit=1.0, name="the unit's clock") if on_clock else Clock(unit=None, name="the frames"),
         notes=report.findings,

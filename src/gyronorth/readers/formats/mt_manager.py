@@ -63,6 +63,7 @@ def open_mt_manager(path: Path, options: ReadOptions) -> Source:
         blocks=partial(text_blocks, path, offset, row, layout),
         stated=Facts(rate_hz=rate_hz),
         usual=Facts(gyro_unit="rad/s", accel_unit="m/s2", axes="flu"),
+        axes_defined=True,
         clock=clock,
         parts=text_parts(path, offset, row, layout),
     )

@@ -30,8 +30,8 @@ SCHEMA = "gyronorth.recording/1"
 #: Largest array read, bytes.
 LARGEST_ARRAY = 1 << 30
 _BLOCK_ROWS = 1 << 14
-_KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "session", "start_time_utc",
-         "rows_dropped", "gaps")  # fmt: skip
+_KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "session", "axes_assumed",
+         "start_time_utc", "rows_dropped", "gaps")  # fmt: skip
 
 
 def open_npz(path: Path, options: ReadOptions) -> Source:
@@ -64,6 +64,7 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
     accel = _samples(arrays, "accel_b", path) if "accel_b" in arrays else None
     if accel is not None and len(accel) != len(gyro):
         raise InputError(f"{path.name}: gyro_b has {len(gyro)} samples, accel_b {len(accel)}: it is damaged.")
+    assumed = _text(arrays, "axes_assumed", path)
     return Source(
         format="npz",
         name=path.name,
@@ -73,7 +74,8 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
             rate_hz=rate_hz,
             gyro_unit="rad/s",
             accel_unit="m/s2",
-            axes="frd",
+            axes=None if assumed else "frd",
+            axes_assumed=assumed,
             latitude=_number(arrays, "latitude", path),
             heading_true=_number(arrays, "heading_true", path),
             session=_text(arrays, "session", path),
@@ -106,6 +108,7 @@ def write_npz(outgoing: RecordingStream, path: Path) -> None:
             "latitude": facts.latitude,
             "heading_true": facts.heading_true,
             "session": facts.session,
+            "axes_assumed": facts.axes_assumed,
             "start_time_utc": facts.start_time_utc,
             "rows_dropped": facts.rows_dropped,
             "gaps": np.array([[gap.start, gap.samples] for gap in facts.gaps], dtype=float).reshape(-1, 2),
