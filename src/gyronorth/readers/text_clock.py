@@ -73,10 +73,8 @@ def find_clock(
     partner = _partner(parts, position)
     if partner is not None and parts[partner].kind == "week":
         unit = TIME_UNITS[time_unit or part.unit or "s"]
-        columns = ClockColumns((partner, position), (WEEK, unit))
-        return FoundClock(
-            Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
-        )
+        columns, told = ClockColumns((partner, position), (WEEK, unit)), f"{layout.titles[partner]} and {title}"
+        return FoundClock(Clock(1.0, name=title, known=True), columns, position, told)
     if partner is not None:
         columns = ClockColumns((position, partner), (1.0, 1e-9))
         return FoundClock(Clock(1.0, name=title), columns, position, f"{title} and {layout.titles[partner]}")
