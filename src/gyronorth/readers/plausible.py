@@ -18,6 +18,7 @@ from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import about_vertical, convention, mat_bf
 from gyronorth.readers.declared import Declared
+from gyronorth.readers.evidence import KEPT_ONE_OF, NEAR_GRAVITY, norm_of_parts
 from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 from gyronorth.recording import Note
 
@@ -37,6 +38,10 @@ FORCE_LOW, FORCE_HIGH = 0.7, 1.4
 PROPOSED_FORCE_LOW, PROPOSED_FORCE_HIGH = 0.9, 1.1
 #: Share of gravity along body down below which the axes are suspect: a tilt of 60 deg.
 SUSPECT_DOWN_SHARE = 0.5
+#: Mean rates of parts that differ by more than so many standard deviations of a single sample are motion.
+MOVING = 5.0
+#: Parts in a row without motion that are worth a window.
+STILL_PARTS = 3
 #: Parts into which a recording is cut; the median of their means ignores a drive or a turn in some of them.
 PARTS = 21
 
@@ -55,14 +60,19 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
         If the declared unit is implausible; it names the one that is not.
     """
     gyro, gyro_error = _robust_mean(samples[:, :3])
+    moves = _moves(samples[:, :3], rate_hz)
     force = vertical = None
     if samples.shape[1] == 6:
         force, _ = _robust_mean(samples[:, 3:])
-        _check_force(float(np.linalg.norm(force)), declared, rate_hz=rate_hz, name=name)
+        _check_force(norm_of_parts(samples[:, 3:]), declared, rate_hz=rate_hz, name=name)
         vertical = float(gyro @ force / np.linalg.norm(force))
     norm, noise = float(np.linalg.norm(gyro)) / EARTH_RATE, _white_noise(samples[:, :3], rate_hz)
     uncertain = float(np.linalg.norm(gyro_error)) / EARTH_RATE
     implausible = norm > IMPLAUSIBLE_HIGH or noise > IMPLAUSIBLE_ARW or (norm + 3 * uncertain < IMPLAUSIBLE_LOW)
+    if moves is not None:
+        if implausible:
+            raise InputError(_moving(samples[:, :3], moves, declared, rate_hz=rate_hz, name=name))
+        return  # the mean of a unit that moves shows no unit
     likely, possible = [], []
     for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.gyro_increments, rate_hz):
         if force is not None and increments != declared.gyro_increments:
@@ -88,6 +98,39 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
         )
 
 
+def _moves(gyro: NDArray[np.float64], rate_hz: float) -> float | None:
+    """By how much the mean rates of parts differ, in the unit of `gyro`, if far more than any noise lets them."""
+    parts = min(PARTS, len(gyro))
+    means = gyro[: parts * (len(gyro) // parts)].reshape(parts, -1, 3).mean(axis=1)
+    spread = float(np.ptp(means, axis=0).max())
+    scatter = _white_noise(gyro, rate_hz) * np.sqrt(rate_hz)
+    return spread if parts == PARTS and scatter > 0 and spread > MOVING * scatter else None
+
+
+def _moving(gyro: NDArray[np.float64], spread: float, declared: Declared, *, rate_hz: float, name: str) -> str:
+    """What to do about a unit that moves; the window named is one whose rates have been looked at."""
+    size = len(gyro) // PARTS
+    means = gyro[: PARTS * size].reshape(PARTS, size, 3)
+    halves = np.array([means[:, : size // 2].mean(axis=1), means[:, size // 2 :].mean(axis=1)])
+    scatter = _white_noise(gyro, rate_hz) * np.sqrt(rate_hz)
+    still = (np.abs(halves[0] - halves[1]).max(axis=1) < 8 * scatter / np.sqrt(size / 2)) & (
+        np.linalg.norm(halves.mean(axis=0), axis=1) < IMPLAUSIBLE_HIGH * EARTH_RATE
+    )
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))
+    begins, ends = edges[::2], edges[1::2]
+    if len(begins) and (ends - begins).max() >= STILL_PARTS:
+        longest = int(np.argmax(ends - begins))
+        first, last = begins[longest] * size / rate_hz, ends[longest] * size / rate_hz
+        cure = f"Take a still part: from {first:.4g} to {last:.4g} s of what was read it stands (--window START:END)."
+    else:
+        cure = "No part of what was read stands still: take a still part of another place (--window START:END), or "
+        cure += "record the unit at rest."
+    return (
+        f"{name}: the unit moves: its mean rate differs by {np.degrees(spread):.4g} deg/s between parts if "
+        f"{_words('gyro', declared.gyro_unit, declared.gyro_increments)} is right. {cure}"
+    )
+
+
 def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -> tuple[Note, ...]:
     """Which axis gravity lies along, against the axes: no note, one `axes_suspect`, or one `axes_assumed`.
 
@@ -99,6 +142,8 @@ def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -
     if samples.shape[1] != 6:
         return _assumed(declared, name)
     force_file, _ = _robust_mean(samples[:, 3:])
+    if np.linalg.norm(force_file) < 0.5 * norm_of_parts(samples[:, 3:]):
+        return _assumed(declared, name)  # it was turned over: no axis is the vertical one
     down = -float((mat_bf(declared.axes) @ force_file)[2] / np.linalg.norm(force_file))
     if down >= SUSPECT_DOWN_SHARE:
         return _assumed(declared, name)
@@ -161,16 +206,35 @@ def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) 
         for unit, increments, factor in _others(ACCEL_UNITS, declared.accel_unit, declared.accel_increments, rate_hz)
         if PROPOSED_FORCE_LOW <= share * factor <= PROPOSED_FORCE_HIGH
     ]
+    parts = [number for number in KEPT_ONE_OF if abs(share * number - 1) < NEAR_GRAVITY]
+    if not proposed and parts:
+        interval = 1 / (parts[0] * rate_hz) if declared.increment_interval is None else None
+        cure = f"That is gravity over {parts[0]}"
+        if declared.increments and interval is not None:
+            cure += (
+                f": each increment covers {1e3 * interval:.4g} ms, but one is logged every {1e3 / rate_hz:.4g} ms. "
+                f"--increment-interval {interval:.6g} fits."
+            )
+        else:
+            cure += (
+                f": increments of a sensor {parts[0]} times as fast, or a driver with the wrong rate, are likely. "
+                f"--accel-scale {parts[0]} makes it gravity; the rates are probably wrong by as much (--gyro-scale)."
+            )
+        raise InputError(_weighs(size, declared, name) + cure)
     cure = (
         f"{' or '.join(proposed)} fits."
         if proposed
         else "No other unit fits: has gravity been taken out, or is the accelerometer off? Without it, leave the f "
         "columns out (--columns f_x=-,f_y=-,f_z=-) and give --roll and --pitch."
     )
-    raise InputError(
+    raise InputError(_weighs(size, declared, name) + cure)
+
+
+def _weighs(size: float, declared: Declared, name: str) -> str:
+    return (
         f"{name}: the mean specific force is {size:.4g} m/s^2 if "
         f"{_words('accel', declared.accel_unit, declared.accel_increments)} is right; at rest it is gravity, "
-        f"{STANDARD_GRAVITY:.2f} m/s^2 ({FORCE_LOW:g} to {FORCE_HIGH:g} times that is accepted). {cure}"
+        f"{STANDARD_GRAVITY:.2f} m/s^2 ({FORCE_LOW:g} to {FORCE_HIGH:g} times that is accepted). "
     )
 
 

@@ -141,7 +141,7 @@ def _written(layout: TextLayout, position: int, title: str) -> FoundClock:
         question = Question(f"{title} is {fields[0][:40] if fields else ''!r}, which is no time.", ("--columns", "t=-"))
         return FoundClock(Clock(1.0, name=title), None, position, title, question)
     return FoundClock(
-        Clock(1.0, text.wrap, title), ClockColumns(positions, text=text), position, f"{title} ({text.form})"
+        Clock(1.0, text.wrap, title, known=True), ClockColumns(positions, text=text), position, f"{title} ({text.form})"
     )
 
 
