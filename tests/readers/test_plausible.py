@@ -27,11 +27,11 @@ def test_a_drive_is_told_as_such_and_not_as_another_unit(tmp_path):
 
 def test_the_still_part_of_a_drive_is_named_and_can_be_read(tmp_path):
     gyro, accel = still(6300)
-    gyro[3000:] += np.sin(np.arange(3300) / 640)[:, None] * [0.01, 0.01, 0.5] + [0.0, 0.0, 0.6]
+    gyro[2400:] += np.sin(np.arange(3900) / 640)[:, None] * [0.01, 0.01, 0.5] + [0.0, 0.0, 0.6]
     path = file_of(tmp_path, gyro, accel)
-    with pytest.raises(InputError, match=r"from 0 to 30 s of what was read it stands \(--window START:END\)"):
+    with pytest.raises(InputError, match=r"from 0 to 24 s of what was read it stands \(--window START:END\)"):
         read(path, **UNITS)
-    assert read(path, **UNITS, window=(0, 30)).duration == 30
+    assert read(path, **UNITS, window=(0, 24)).duration == 24
 
 
 def test_a_unit_that_is_turned_over_feels_gravity_in_each_pose(tmp_path):

@@ -85,7 +85,7 @@ def test_what_others_wrote_is_read_in_body_axes(tmp_path, maker):
     assert_array_equal(recording.accel_b, ACCEL)
     assert recording.rate_hz == RATE
     assert recording.start_time_utc == "2024-05-01T12:00:00Z"
-    assert recording.notes == ()
+    assert [note.code for note in recording.notes] == ["axes_assumed"]
 
 
 def test_a_bag_folder_is_one_recording_among_others(tmp_path):
@@ -160,8 +160,8 @@ def test_log_times_stand_in_for_stamps_that_are_zero(tmp_path, maker):
     recording = read(make(tmp_path, imu=messages))
     assert recording.rate_hz == RATE
     assert recording.start_time_utc == "2024-05-01T12:00:00.005000Z"
-    assert [note.code for note in recording.notes] == ["log_time_used"]
-    assert "/imu of rec" in recording.notes[0].message
+    assert [note.code for note in recording.notes] == ["axes_assumed", "log_time_used"]
+    assert "/imu of rec" in recording.notes[1].message
     assert_array_equal(recording.gyro_b, GYRO)
 
 

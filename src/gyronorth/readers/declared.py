@@ -41,11 +41,6 @@ class Declared:
     increment_interval: float | None = None  # s; None: the sample interval
 
     @property
-    def axes_declared(self) -> bool:
-        """Whether the user or the file says so, not mere convention."""
-        return self.axes_origin in ("stated", "declared")
-
-    @property
     def increments(self) -> bool:
         """Whether any sensor holds increments."""
         return self.gyro_increments or self.accel_increments
@@ -58,6 +53,11 @@ class Declared:
             return np.array([gyro] * 3)
         accel = ACCEL_UNITS[self.accel_unit] * self.accel_scale * (per_second if self.accel_increments else 1.0)
         return np.array([gyro] * 3 + [accel] * 3)
+
+    @property
+    def axes_declared(self) -> bool:
+        """Whether the user or the file says so, not mere convention."""
+        return self.axes_origin in ("stated", "declared")
 
 
 def resolve(source: Source, options: ReadOptions, path: Path | str | None = None) -> Declared:
@@ -138,7 +138,6 @@ def _open(
     """One message for all that is open, with what the first rows say."""
     questions, name = list(source.questions), source.name
     values, rate_hz = _first_values(source, options)
-    known = bool(options.increments)
     known = bool(options.increments)
     gyro, accel = (None, None) if values is None else (values[:, :3], values[:, 3:])
     interval: float | None = None

@@ -70,8 +70,8 @@ class Description:
         info = asdict(self.info)
         latitude, heading = info.pop("latitude"), info.pop("heading_true")
         info.pop("notes")
-        origin = info.pop("axes_origin")
         read_as = info.pop("read_as")
+        origin = info.pop("axes_origin")
         return info | {
             "latitude_deg": None if latitude is None else float(np.degrees(latitude)),
             "heading_true_deg": None if heading is None else float(np.degrees(heading)),

@@ -74,8 +74,8 @@ class Clock:
     unit: float | None  # s per unit; None: it counts samples, the rate must come from elsewhere
     wrap: float | None = None  # the value at which it starts again from 0
     name: str = TIME  # its name in the file, for messages
-    known: bool = False  # whether the unit is declared or stated, not assumed
     zero: float = 0.0  # s, added to its times before they are compared with another clock's
+    known: bool = False  # whether the unit is declared or stated, not assumed
 
 
 @dataclass(frozen=True)

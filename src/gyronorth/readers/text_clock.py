@@ -79,15 +79,17 @@ def find_clock(
         )
     if partner is not None:
         columns = ClockColumns((position, partner), (1.0, 1e-9))
-        return FoundClock(Clock(1.0, name=title), columns, position, f"{title} and {layout.titles[partner]}")
+        return FoundClock(
+            Clock(1.0, name=title, known=True), columns, position, f"{title} and {layout.titles[partner]}"
+        )
     if part.kind == "counter" and time_unit is None:
         return FoundClock(Clock(None, name=title), None, position, f"{title} (a counter)")
     unit, question, why = _unit(numbers(layout, position), time_unit, part, title, rate_hz)
+    stated_unit = bool(time_unit or part.unit)
     wrap = WEEK / unit if set(part.words) & OF_THE_WEEK else None
     name = {scale: text for text, scale in TIME_UNITS.items()}[unit]
     stated = "" if f"({name})" in title or f"[{name}]" in title else f" ({name}{why})"
-    known = time_unit is not None or bool(part.unit)
-    return FoundClock(Clock(unit, wrap, name=title, known=known), None, position, f"{title}{stated}", question)
+    return FoundClock(Clock(unit, wrap, name=title, known=stated_unit), None, position, f"{title}{stated}", question)
 
 
 def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:

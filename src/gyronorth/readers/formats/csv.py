@@ -111,7 +111,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         usual=usual,
         clock=None if clock is None else clock.clock,
         ours=ours,
-        axes_defined=heading is not None,
+        axes_defined=heading is not None or (preset is not None and "axes" in preset.declared),
         parts=None if whole else _parts(path, layout, rows, len(columns)),
         questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
         read_as="" if ours or live or heading is not None else read_as + words,
