@@ -71,7 +71,7 @@ def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Sourc
         ),
         notes=gyro.notes + accel.notes,
         parts=None,
-        questions=gyro.questions + accel.questions,
+        questions=(*gyro.questions, *(each for each in accel.questions if each not in gyro.questions)),
         read_as=f"{gyro.read_as}; acceleration of {accel.topic or accel.name} joined {how}".removeprefix("; "),
         held=(gyro.held, accel.held),
     )
