@@ -334,7 +334,7 @@ def of_programs() -> list[Layout]:
                (TIME, *rfu_gyro.T), ("%.9e",) + ("%.14e",) * 3), accel=False, says="phyphox"),
         Layout("Gyroscope.csv", text(titled("time", "seconds_elapsed", "z", "y", "x"), (ns, TIME,
                *rfu_gyro[:, ::-1].T), ("%s", "%.6f", *["%.14f"] * 3)), accel=False, says="Sensor Logger"),
-        Layout("device_imu.csv", f"{android}\n{chr(10).join(rows)}\n".encode(), FLU_AXES, accel=False,
+        Layout("device_imu.csv", f"{android}\n{chr(10).join(rows)}\n".encode(), FLU_AXES,
                says="GnssLogger"),
         Layout("gyro-0.csv", text(titled(*(f"gyro_{a} (deg/s)" for a in "xyz")), DPS.T, FORMATS[1:4]), FRD,
                asks=True, fill=(("HZ", "100"),), accel=False, says="gnss-ins-sim"),

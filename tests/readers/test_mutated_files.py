@@ -75,10 +75,15 @@ def base_files(folder: Path) -> list[tuple[str, bytes, Options]]:
     mapped = "Time,gx,gy,gz,ax,ay,az,\r\n" + rows_of([time, np.degrees(gyro), accel / STANDARD_GRAVITY], ",", ",\r\n")
     columns = dict(zip(("w_x", "w_y", "w_z", "f_x", "f_y", "f_z"), ("gx", "gy", "gz", "ax", "ay", "az"), strict=True))
     units = {"gyro_unit": "deg/s", "accel_unit": "g", "latitude": LATITUDE}
-    bases.append(("mapped.csv", mapped.encode(), {"columns": columns, **units}))
+    bases.append(("mapped.csv", mapped.encode(), {"columns": columns, "time_unit": "s", **units}))
     # The published layout implies 600 Hz: at the declared rate they are as long as the others.
     published = ",w_x,w_y,w_z,f_x,f_y,f_z\n" + rows_of([np.arange(ROWS), np.degrees(gyro), accel], ",")
     bases.append(("x_40.0.csv", published.encode(), {"latitude": LATITUDE, "rate_hz": RATE_HZ}))
+    titles = "Time (s);Gyro X (deg/s);Gyro Y (deg/s);Gyro Z (deg/s);Acc X (g);Acc Y (g);Acc Z (g)"
+    logger = f"LOGGER 3.2\n\n{titles}\n" + rows_of([time, np.degrees(gyro), accel / STANDARD_GRAVITY], ";")
+    axes = {"axes": "frd", "latitude": LATITUDE}
+    bases.append(("logger.csv", f"{logger}End of log\n".replace(".", ",").encode(), axes))
+    bases.append(("logger16.csv", logger.encode("utf-16"), axes))
     # Right-front-up from forward-right-down, and counts of 0.01 arcsec and 1 ug s.
     turn, push = gyro[:, [1, 0, 2]] * [1, 1, -1], accel[:, [1, 0, 2]] * [1, 1, -1]
     counts = np.hstack([turn / RATE_HZ / (radians(0.01) / 3600), push / RATE_HZ / 9.78e-6])

@@ -76,8 +76,8 @@ def by_titles(
     return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), tuple(questions))
 
 
-def by_numbers(layout: TextLayout) -> Chosen | None:
-    """The columns of a file without titles, by what their numbers do; None where these do not tell."""
+def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | None:
+    """The columns of a file without titles, by what their numbers do; None where these do not tell what is needed."""
     values = np.column_stack([numbers(layout, position) for position in range(layout.width)])
     usable = np.asarray(np.isfinite(values).all(axis=0))
     time, interval = _time_column(layout, values, usable)
@@ -87,38 +87,24 @@ def by_numbers(layout: TextLayout) -> Chosen | None:
     vertical = [i for i in starts if accel_fits(values[:, i : i + 3], rate_hz) and _steady(values[:, i : i + 3])]
     vertical = [i for i in vertical if i - 1 not in vertical or i - 2 in vertical] or vertical
     accel = vertical[0] if vertical else None
+    if needed == FORCES and accel is None and len(starts) == 1:
+        accel = starts[0]
     rates = [i for i in starts if accel is None or abs(i - accel) >= 3]
     near = [i for i in rates if any(fit.certain for fit in gyro_fits(values[:, i : i + 3], rate_hz))]
     beside = [i for i in rates if accel is not None and abs(i - accel) == 3]
     gyro = (near or beside or (rates if len(rates) == 1 else []))[:1]
-    if not gyro or (accel is None and len(rates) != 1 and not near):
+    if needed == FORCES:
+        gyro = []
+    if accel is None if needed == FORCES else (not gyro or (accel is None and len(rates) != 1 and not near)):
         return None
     columns: dict[str, str | int] = {} if time is None else {TIME: time}
-    columns |= dict(zip(RATES, range(gyro[0], gyro[0] + 3), strict=True))
+    columns |= dict(zip(RATES, range(gyro[0], gyro[0] + 3), strict=True)) if gyro else {}
     if accel is not None:
         columns |= dict(zip(FORCES, range(accel, accel + 3), strict=True))
     described = [] if time is None else [f"column {time} is like a clock"]
-    described.append(f"columns {gyro[0]} to {gyro[0] + 2} like angular rate")
+    described += [f"columns {gyro[0]} to {gyro[0] + 2} like angular rate"] if gyro else []
     described += [f"columns {accel} to {accel + 2} like specific force" if accel is not None else "none like gravity"]
     return Chosen(columns, questions=(Question(f"{', '.join(described)}.", ("--columns", columns_text(columns))),))
-
-
-def by_numbers_of_force(layout: TextLayout) -> Chosen | None:
-    """The same for an accelerometer's file, which has no angular rate."""
-    values = np.column_stack([numbers(layout, position) for position in range(layout.width)])
-    usable = np.asarray(np.isfinite(values).all(axis=0))
-    time, interval = _time_column(layout, values, usable)
-    free = [i for i in range(layout.width) if usable[i] and i != time]
-    starts = [i for i in range(layout.width - 2) if all(k in free for k in (i, i + 1, i + 2))]
-    rate_hz = None if interval is None else 1 / interval
-    vertical = [i for i in starts if accel_fits(values[:, i : i + 3], rate_hz) and _steady(values[:, i : i + 3])]
-    if len(vertical) != 1 and len(starts) != 1:
-        return None
-    first = vertical[0] if len(vertical) == 1 else starts[0]
-    columns: dict[str, str | int] = {} if time is None else {TIME: time}
-    columns |= dict(zip(FORCES, range(first, first + 3), strict=True))
-    says = f"columns {first} to {first + 2} are like specific force."
-    return Chosen(columns, questions=(Question(says, ("--columns", columns_text(columns))),))
 
 
 def told(columns: Mapping[str, int], titles: Sequence[str], units: Mapping[str, str], clock: str) -> str:

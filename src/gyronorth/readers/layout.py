@@ -63,6 +63,7 @@ class TextLayout:
     sparse: bool = False  # some rows have empty fields
     rows: tuple[tuple[str, ...], ...] = ()  # the first rows, cut into fields
     rate_hz: float | None = None  # that the preamble states
+    header: str = ""  # the line of the titles
     cut: int | None = None  # fields of the rows where they are other than the titles
 
     def words(self) -> str:
@@ -134,6 +135,7 @@ def sniff(path: Path) -> TextLayout:
         preamble=preamble, comments=comments, texts=texts, blank=blank,
         sparse=any(not cell.strip() for row in usual for cell in row),
         rows=tuple(tuple(cell.strip() for cell in row) for row in usual), rate_hz=rate_hz,
+        header=plain[header_row] if header_row is not None else "",
         cut=None if usual or not rows else len(rows[0]),
     )  # fmt: skip
 
@@ -269,7 +271,7 @@ def _titles(
     unit_row = None
     for row in range(first - 1, -1, -1):
         line = lines[row]
-        if not line:
+        if not line.strip("-=_+| \t"):  # blank, or a rule
             continue
         marked = line.startswith(COMMENT_MARKS)
         bare = line.lstrip("#%/ \t") if marked else line

@@ -338,6 +338,8 @@ def _parse_row(line: bytes, layout: Layout) -> list[float] | str | None:
         fields = fields[:-1]
     if len(fields) != len(layout.titles):
         return f"it has {len(fields)} fields; {len(layout.titles)} are expected{_likely_cause(text, fields, layout)}"
+    if layout.blank and not any(field.strip() for field in fields):
+        return None
     if layout.sparse and not any(fields[position].strip() for position in layout.use[-3:]):
         return None
     return _values_of(fields, layout)

@@ -29,7 +29,8 @@ GYRO_WORDS = (
 )  # fmt: skip
 ANGLE_WORDS = (
     ("dtheta",), ("delta", "theta"), ("deltatheta",), ("delta", "angle"), ("deltaangle",), ("dang",), ("delta", "ang"),
-    ("delang",), ("dth",), ("delta", "gyro"), ("angle", "increment"), ("dangle",), ("incremental", "angle"),
+    ("delang",), ("dth",), ("delta", "gyro"), ("angle", "increment"), ("dangle",),
+    ("d", "ang"), ("d", "theta"), ("incremental", "angle"),
 )  # fmt: skip
 ACCEL_WORDS = (
     ("accel",), ("acc",), ("accelerometer",), ("acceleration",), ("accelero",), ("specific", "force"), ("specforce",),
@@ -39,6 +40,7 @@ ACCEL_WORDS = (
 VELOCITY_WORDS = (
     ("dvel",), ("delta", "v"), ("deltav",), ("delta", "velocity"), ("deltavelocity",), ("delta", "vel"), ("delvel",),
     ("dv",), ("velocity", "increment"), ("delta", "accel"), ("incremental", "velocity"), ("dvelocity",),
+    ("d", "vel"), ("d", "v"),
 )  # fmt: skip
 #: Letters that stand for a sensor where they are all there is before the axis, or come first: w_x, gx, a_RS_S_x.
 GYRO_LETTERS, ACCEL_LETTERS = ("w", "g", "om"), ("a", "f")
@@ -53,7 +55,7 @@ OTHER_WORDS = frozenset(
 )
 TIME_WORDS = frozenset(
     """
-    ts ss time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
+    ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod
     """.split()  # noqa: SIM905

@@ -23,9 +23,10 @@ import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
-from gyronorth.readers.columns import Chosen, by_numbers, by_numbers_of_force, by_titles, told
+from gyronorth.readers.columns import Chosen, by_numbers, by_titles, told
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
+from gyronorth.readers.joining import joined
 from gyronorth.readers.layout import TextLayout, sniff
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.outgoing import RecordingStream
@@ -87,7 +88,8 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
     use = tuple(positions[name] for name in columns if name != TIME or composed is None)
     rows = Layout(
         names, use, layout.delimiter, layout.trailing, mark=MARK if live else None,
-        comments=() if live else COMMENT_BEGINS, blank=layout.blank or (clock is not None and not ours and not live),
+        comments=() if live else (*COMMENT_BEGINS, *_repeated_header(layout)),
+        blank=layout.blank or (clock is not None and not ours and not live),
         sparse=layout.sparse, decimal=layout.decimal, encoding=layout.encoding, line_end=layout.line_end,
         end=None if ours or live else layout.end, clock=composed, texts=bool(layout.texts),
         only=_only(preset, titles),
@@ -99,7 +101,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
     words = f"; {layout.words()}" if layout.words() else ""
     # Lines begin at every other byte only, or some stand for no rows.
     whole = layout.encoding.startswith("utf-16") or layout.blank or layout.sparse or rows.only is not None
-    return Source(
+    source = Source(
         format="published" if heading is not None else "csv",
         name=path.name,
         columns=columns,
@@ -112,6 +114,26 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
         read_as="" if ours or live or heading is not None else read_as + words,
     )
+    return source if preset is None else _of_two_kinds(source, preset, layout, path, rows)
+
+
+def _repeated_header(layout: TextLayout) -> tuple[bytes, ...]:
+    """How the header begins, which stands again where logs were joined."""
+    return (layout.header.encode(),) if layout.header else ()
+
+
+def _of_two_kinds(source: Source, preset: Preset, layout: TextLayout, path: Path, rows: Layout) -> Source:
+    """Rows of rates joined with the rows of forces between them, which have the same columns."""
+    if rows.only is None or preset.only is None or not any(row[rows.only[0]] == preset.only[2] for row in layout.rows):
+        return source
+    forces = replace(rows, only=(rows.only[0], preset.only[2]))
+    accel = replace(
+        source,
+        columns=(*(name for name in source.columns if name == TIME), *FORCES),
+        blocks=partial(text_blocks, path, layout.offset, layout.row, forces),
+        read_as="",
+    )
+    return joined(source, accel)
 
 
 def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset: Preset | None, name: str) -> Chosen:
@@ -123,7 +145,7 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
     if all(ours in declared for ours in options.needed):
         return Chosen(declared)
     lead = f"{name} has no header: its row {layout.row + 1} is already numbers."
-    found = by_numbers(layout) if options.needed == RATES else by_numbers_of_force(layout)
+    found = by_numbers(layout, options.needed)
     if found is None:
         raise InputError(
             f"{lead} Say which column is which by its number from 0, as in --columns t=0,w_x=1,w_y=2,w_z=3."

@@ -70,7 +70,10 @@ class _Matrices(dict[str, NDArray[np.float64]]):
             raise InputError(
                 f"Variable {title} of {self._name} is {_size(variable)}, more than {LARGEST >> 20} MiB; split it."
             )
-        self[title] = matrix(self._content, variable)
+        try:
+            self[title] = matrix(self._content, variable)
+        except MatError as error:
+            raise InputError(f"Variable {title} of {self._name} cannot be read: {error}.") from None
         return self[title]
 
 

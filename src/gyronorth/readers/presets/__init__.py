@@ -32,7 +32,7 @@ class Preset:
     titles: tuple[str, ...] = ()  # all of which a file must have for the preset to apply unasked; "*" stands for any
     preamble: str = ""  # that must stand above the titles
     file: str = ""  # that must stand in the name of the file, in lower case
-    only: tuple[str, str] | None = None  # of rows of several kinds: those whose column of this title holds this text
+    only: tuple[str, str, str] | None = None  # of rows of several kinds: title, text in rates' rows, text in forces'
 
     def fits(self, titles: Sequence[str], preamble: str, name: str) -> bool:
         """Whether it applies to a file with these titles."""
@@ -127,5 +127,5 @@ def _preset(name: str, content: Mapping[str, Any]) -> Preset:
     only = content.get("only")
     return Preset(
         name, str(content.get("title", name)), declared, tuple(content.get("titles", ())),
-        content.get("preamble", ""), content.get("file", ""), (only[0], only[1]) if only else None,
+        content.get("preamble", ""), content.get("file", ""), (only[0], only[1], only[2]) if only else None,
     )  # fmt: skip
