@@ -102,7 +102,13 @@ def base_files(folder: Path) -> list[tuple[str, bytes, Options]]:
         file = io.BytesIO()
         scipy.io.savemat(file, {"note": "text", "data": table}, **how)
         numbers = dict(zip(("t", *columns), range(7), strict=True))
-        bases.append((f"matlab{number}.mat", file.getvalue(), {"variable": "data", "columns": numbers, **units}))
+        bases.append(
+            (
+                f"matlab{number}.mat",
+                file.getvalue(),
+                {"variable": "data", "columns": numbers, "time_unit": "s", **units},
+            )
+        )
         file = io.BytesIO()
         structs = {"imu1": {"t": time[:, None], "fb": accel, "wb": gyro, "freq": RATE_HZ, "note": "text"}}
         scipy.io.savemat(file, structs, **how)
