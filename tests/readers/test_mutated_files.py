@@ -276,4 +276,5 @@ def test_every_mutated_file_ends_in_a_result_a_refusal_or_one_clear_error(tmp_pa
     # All three ends occur: neither are the mutations harmless, nor is everything thrown out at the door.
     assert outcomes["error"] > files / 4, outcomes
     assert outcomes["valid"] > files / 10, outcomes
-    assert outcomes["refused"] > files / 100, outcomes
+    # Of the bases nearly half carry checksums, where damage is an error and no heading to refuse.
+    assert outcomes["refused"] > files / 200, outcomes
