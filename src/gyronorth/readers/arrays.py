@@ -19,19 +19,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.columns import Chosen as Named
+from gyronorth.readers.columns import by_numbers, by_titles
+from gyronorth.readers.layout import COMPARED, TextLayout
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Question
+from gyronorth.readers.text_clock import find_clock
+from gyronorth.readers.titles import Title, take_apart
 
 #: More columns in one array: it is no recording.
 MOST_COLUMNS = 256
 #: An array with so many times more columns than rows has its samples in the columns.
 WIDE = 4
+#: Columns whose titles are looked at, and fewest rows whose numbers are.
+MOST_NAMED, FEWEST_ROWS = 128, 20
 #: Names of arrays without case, digits at the end and what is no letter or digit.
 GYRO_ARRAYS = frozenset(
     ("gyro", "gyr", "gyros", "gyroscope", "gyroscopes", "wb", "wibb", "w", "omega", "omegab", "omegaibb", "angvel",
@@ -74,6 +82,8 @@ class Chosen:
     stated: Facts = field(default_factory=Facts)
     usual: Facts = field(default_factory=Facts)
     read_as: str = ""  # as what the file is read, for people
+    clock: Clock | None = None  # of the column t
+    questions: tuple[Question, ...] = ()  # what must be declared
 
 
 def columns_of(
@@ -182,21 +192,71 @@ def choose(
             titles, where = under(there, matrix, name, mark=mark), f"variable {matrix} of {name}"
         listed = list(titles)
         bare = all(title.isdigit() for title in listed)
-        if bare and not options.columns:
-            raise InputError(
-                f"{where[0].upper()}{where[1:]} has {len(listed)} columns without names. Say which one is which by its "
-                "number from 0, as in --columns w_x=4,w_y=5,w_z=6,f_x=8,f_y=9,f_z=10."
-            )
-        positions = choose_columns(
-            len(listed) if bare else listed, options.columns, aliases, where, needed=options.needed
-        )
+        by = Named() if options.columns else _by_columns(titles, look, where, bare=bare)
+        declared = options.columns or by.columns or None
+        positions = choose_columns(len(listed) if bare else listed, declared, aliases, where, needed=options.needed)
         named = {ours: listed[positions[ours]] for ours in NAMES if ours in positions}
-        found = Chosen({ours: titles[title] for ours, title in named.items()}, named)
+        both = len(by.increments) == 2
+        stated = Facts(
+            gyro_unit=by.gyro_unit,
+            accel_unit=by.accel_unit,
+            increments="both" if both else next(iter(by.increments), False),
+        )
+        found = Chosen({ours: titles[title] for ours, title in named.items()}, named, stated, questions=by.questions)
     rows = {title: column.rows for title, column in found.columns.items()}
     if len(set(rows.values())) > 1:
         lengths = ", ".join(f"{title} {count}" for title, count in rows.items())
         raise InputError(f"The columns of {name} differ in length: {lengths} rows.")
-    return found
+    return found if TIME not in found.columns else _with_clock(found, look, options)
+
+
+def _with_clock(chosen: Chosen, look: Callable[[Column], NDArray[np.float64]], options: ReadOptions) -> Chosen:
+    """The clock by title, steps and what is declared; that of a known layout is in seconds."""
+    title = chosen.titles[TIME]
+    layout = _table((title,), [look(chosen.columns[TIME])])
+    known = options.rate_hz or chosen.stated.rate_hz
+    unit = options.time_unit or ("s" if chosen.usual != Facts() else None)
+    parts = [Title("time", ()) if title.isdigit() else take_apart(re.split(r"[./]", title)[-1])]
+    clock = find_clock(layout, parts, 0, unit, known)
+    questions = (*chosen.questions, *([clock.question] if clock.question else []))
+    return replace(chosen, clock=clock.clock, questions=questions)
+
+
+def _by_columns(
+    titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.float64]], where: str, *, bare: bool
+) -> Named:
+    """The columns by the words of their titles, or by what their numbers do where they have none."""
+    rows = max(column.rows for column in titles.values())
+    if len(titles) > MOST_NAMED or (bare and rows < FEWEST_ROWS):
+        return Named() if not bare else _numbered(where, len(titles))
+    listed = list(titles)
+    values = [look(titles[title]) if titles[title].rows == rows else np.full(1, np.nan) for title in listed]
+    layout = _table(() if bare else tuple(listed), values)
+    if not bare:
+        return by_titles(layout, [take_apart(re.split(r"[./]", title)[-1]) for title in listed], {}, None)
+    found = by_numbers(layout)
+    if found is None:
+        return _numbered(where, len(titles))
+    says = f"{where[0].upper()}{where[1:]} has {len(titles)} columns without names. {found.questions[0].says}"
+    says = says.replace("names. column", "names. By its first rows column")
+    return replace(found, questions=(replace(found.questions[0], says=says),))
+
+
+def _numbered(where: str, width: int) -> Named:
+    raise InputError(
+        f"{where[0].upper()}{where[1:]} has {width} columns without names. Say which one is which by its number from "
+        "0, as in --columns w_x=4,w_y=5,w_z=6,f_x=8,f_y=9,f_z=10."
+    )
+
+
+def _table(titles: tuple[str, ...], values: Sequence[NDArray[np.float64]]) -> TextLayout:
+    """The first rows of columns as those of a text, which are looked at in the same way."""
+    columns = [[repr(number) for number in column[:COMPARED].tolist()] for column in values]
+    rows = tuple(zip_longest(*columns, fillvalue="nan"))
+    return TextLayout(
+        encoding="utf-8", line_end="\n", delimiter=",", decimal=".", titles=titles, units=(), width=len(values),
+        trailing=False, offset=0, row=0, header_row=None, end=None, footer=0, preamble=(), rows=rows,
+    )  # fmt: skip
 
 
 def told_of(chosen: Chosen, *, turned: bool = True) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.source import TIME, Block, Clock, Parts, Source, blocks_of, rows_block
+from gyronorth.readers.source import Block, Parts, Source, blocks_of, rows_block
 
 #: Rows per block.
 BLOCK_ROWS = 1 << 14
@@ -68,7 +68,10 @@ def held_source(
         values = arrays[column.array]
         if values.ndim == 2 and isinstance(column.part, int):
             values = (values.T if column.transposed else values)[:, column.part]
-        return _seconds(values, part) if values.dtype.kind in TIMES else values[part].astype(np.float64, copy=False)
+        if values.dtype.kind in TIMES:
+            return _seconds(values, part)
+        with np.errstate(invalid="ignore", over="ignore"):  # a damaged file holds signalling NaN too
+            return values[part].astype(np.float64, copy=False)
 
     chosen = choose(there, scalars, partial(numbers, part=slice(0, BLOCK_ROWS)), options, name, holds=listed)
     columns = list(chosen.columns.values())
@@ -88,7 +91,8 @@ def held_source(
         blocks=lambda: _blocks(read, rows),
         stated=chosen.stated,
         usual=chosen.usual,
-        clock=Clock(unit=1.0, name=chosen.titles[TIME]) if TIME in chosen.columns else None,
+        clock=chosen.clock,
+        questions=chosen.questions,
         parts=Parts(rows, exact=True, block=BLOCK_ROWS, read=place) if looked_into else None,
         read_as=told_of(chosen),
     )

@@ -70,8 +70,8 @@ def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Sourc
             gyro.usual, accel_unit=accel.usual.accel_unit, axes=gyro.usual.axes or accel.usual.axes, increments=False
         ),
         notes=gyro.notes + accel.notes,
-        questions=gyro.questions + accel.questions,
         parts=None,
+        questions=(*gyro.questions, *(each for each in accel.questions if each not in gyro.questions)),
         read_as=f"{gyro.read_as}; acceleration of {accel.topic or accel.name} joined {how}".removeprefix("; "),
         held=(gyro.held, accel.held),
     )

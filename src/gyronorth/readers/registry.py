@@ -173,7 +173,7 @@ def _by_format(path: Path, options: ReadOptions) -> Source:
     info = FORMATS.info(name)
     if options.variable is not None and not info.takes_variable:
         raise InputError(
-            f"variable {options.variable!r} is declared, but {path.name} is neither a .mat, .npz nor HDF5 file."
+            f"variable {options.variable!r} is declared, but {path.name} is neither a .mat, .npz, .xlsx nor HDF5 file."
         )
     if options.topic is not None and not info.takes_topic:
         raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
@@ -261,7 +261,7 @@ def recognised(path: Path) -> str:
     """The format that the content of a file shows; CSV if it shows none."""
     head = _head(path, LOOK)
     # Files with a signature of their own come first: a text may hold any word, and frames any bytes.
-    last = ("psins", "mt-manager", "frames")
+    last = ("psins", "mt-manager", "doubles", "frames")
     signed = (name for name in FORMATS if name not in last)
     return next((name for name in (*signed, *last) if FORMATS[name].recognises(head)), "csv")
 

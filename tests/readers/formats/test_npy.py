@@ -99,3 +99,23 @@ def test_cut_off_files_and_places_of_a_long_one(tmp_path):
     (tmp_path / "head.npy").write_bytes(content[:40])
     with pytest.raises(InputError, match=r"head.npy cannot be read .*no .npy file"):
         read(tmp_path / "head.npy", **how)
+
+
+def test_titles_with_units_need_no_declaration_and_numbers_are_asked_about(tmp_path):
+    titles = ["time_ms", "gx_dps", "gy_dps", "gz_dps", "acc_x_g", "acc_y_g", "acc_z_g"]
+    records = np.zeros(ROWS, [(title, float) for title in titles])
+    for title, column in zip(titles, (TIME * 1e3, *np.degrees(GYRO).T, *ACCEL.T / 9.80665), strict=True):
+        records[title] = column
+    np.save(tmp_path / "rec.npy", records)
+    check(read(tmp_path / "rec.npy"))
+    np.save(tmp_path / "bare.npy", TABLE)
+    with pytest.raises(InputError, match=r"column 0 is like a clock, columns 1 to 3 like angular rate") as caught:
+        read(tmp_path / "bare.npy")
+    assert "--columns t=0,w_x=1,w_y=2,w_z=3,f_x=4,f_y=5,f_z=6" in str(caught.value).splitlines()[-1]
+
+
+def test_a_clock_in_another_unit_is_told_by_its_steps(tmp_path):
+    stamps = 1_700_000_000_000_000_000 + np.rint(TIME * 1e9).astype(np.int64)
+    np.savez(tmp_path / "rec.npz", timestamp=stamps, gyro=GYRO, accel=ACCEL)
+    recording = read(tmp_path / "rec.npz", **SI)
+    assert recording.rate_hz == pytest.approx(RATE, rel=1e-3)

@@ -25,7 +25,7 @@ from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.source import RATES, TIME, Block, Clock, Parts, Source, blocks_of, rows_block
+from gyronorth.readers.source import RATES, TIME, Block, Parts, Source, blocks_of, rows_block
 
 #: Where the signature may stand: at the start, or behind a block of the user's (MATLAB's text).
 SIGNATURE_OFFSETS = (0, 512, 1024, 2048)
@@ -59,10 +59,14 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     chosen = choose(there, singles, look, options, path.name, holds=holds, mark="/")
     columns = chosen.columns
     count = columns[RATES[0]].rows
-    if facts.rate_hz is None:
-        facts = replace(facts, rate_hz=chosen.stated.rate_hz)
-    if chosen.stated.increments:
-        facts = replace(facts, increments=True)
+    found = chosen.stated
+    facts = replace(
+        facts,
+        rate_hz=facts.rate_hz or found.rate_hz,
+        gyro_unit=facts.gyro_unit or found.gyro_unit,
+        accel_unit=facts.accel_unit or found.accel_unit,
+        increments=found.increments,
+    )
     _check_size(path, list(columns.values()), count)
     reading = partial(_rows, path, list(columns.values()))
     return Source(
@@ -72,7 +76,8 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
         blocks=partial(_blocks, reading, count),
         stated=facts,
         usual=chosen.usual,
-        clock=Clock(unit=1.0, name=chosen.titles[TIME]) if TIME in columns else None,
+        clock=chosen.clock,
+        questions=chosen.questions,
         ours=ours,
         read_as=told_of(chosen, turned=not matlab),
         parts=Parts(count, exact=True, block=BLOCK_ROWS, read=partial(_part, reading, count)),
