@@ -98,7 +98,7 @@ def test_declarations_that_agree_with_the_file(tmp_path):
         ({"axes": "+x+x-z"}, "each of the three directions"),
         ({"axes": "+x+y-z"}, "left-handed"),
         ({"format": "xls"}, "format is 'xls'; one of csv"),
-        ({"variable": "data"}, "variable 'data' is declared, but rec.csv is neither a .mat nor an HDF5 file"),
+        ({"variable": "data"}, "variable 'data' is declared, but rec.csv is neither a .mat, .npz nor HDF5 file"),
         ({"topic": "/imu"}, "topic '/imu' is declared, but rec.csv is neither a bag nor an MCAP file"),
     ],
 )
@@ -197,7 +197,7 @@ def test_a_sensor_on_its_side_is_told_which_axes_fit(tmp_path):
 def test_a_tilt_is_not_suspect(tmp_path, tilt_deg):
     c, s = cos(radians(tilt_deg)), sin(radians(tilt_deg))
     path = unit_file(tmp_path, mat=((1, 0, 0), (0, c, s), (0, -s, c)))
-    assert read(path, gyro_unit="rad/s", accel_unit="m/s2").notes == ()
+    assert read(path, gyro_unit="rad/s", accel_unit="m/s2", axes="frd").notes == ()
 
 
 @pytest.mark.parametrize("yaw_deg", [0, 10, -90])
