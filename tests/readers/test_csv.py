@@ -205,7 +205,6 @@ BAD_ROWS = {
     "zeros": ("0.2,0,0,0,0,0,0\n", "f_x, f_y and f_z are all exactly 0, which no body at rest can feel"),
     "quotes": ('0.2,"0,0,0,0,0,-9.8\n', "fields; 7 are expected"),
     "zero byte": ("0.2,0,\x000,0,0,0,-9.8\n", "it holds zero bytes"),
-    "time repeats": ("0.19,0,0,0,0,0,-9.8\n", "time repeats: t is 0.19 after 0.19"),
     "time back": ("0.1,0,0,0,0,0,-9.8\n", "time runs backwards: t is 0.1 after 0.19"),
     "time leaps": ("77,0,0,0,0,0,-9.8\n", "time leaps: t is 77 after 0.19"),
 }
