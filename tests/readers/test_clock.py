@@ -123,15 +123,21 @@ def test_the_end_of_a_week_of_a_day_and_of_a_counter_is_followed(tmp_path, wrap)
 
 
 @pytest.mark.parametrize("step", [1, 2])
-def test_whole_numbers_are_not_seconds_unless_one_says_so(tmp_path, step):
-    path = timed_file(tmp_path, 156496 + step * np.arange(500))
+def test_whole_numbers_are_not_seconds_unless_one_says_so(step):
+    time = 156496.0 + step * np.arange(500)
+    block = rows_block(np.column_stack([time, *(part for triple in still(500) for part in triple.T)]), 0)
+
+    def grid(**declared):
+        source = Source("csv", "rec.csv", NAMES, lambda: iter(()), SI_FACTS, clock=Clock(unit=1.0))
+        options = ReadOptions(**declared)
+        return GridBuilder(source, resolve(source, options), options)
+
     with pytest.raises(InputError) as caught:
-        read(path)
+        grid().push(block)
     message = str(caught.value)
     for cure in ("--columns t=- --rate HZ", f"--columns t=- --rate {1000 / step:g}", f"--rate {1 / step:g}"):
         assert cure in message
-    assert read(path, columns={"t": "-"}, rate_hz=1000 / step).rate_hz == 1000 / step
-    assert read(path, rate_hz=1 / step).rate_hz == 1 / step
+    assert len(grid(rate_hz=1 / step).push(block)) == 500
 
 
 def test_a_clock_too_coarse_is_refused_and_the_cure_works(tmp_path):
