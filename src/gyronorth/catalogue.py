@@ -138,6 +138,10 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
     FindingInfo("sensor_fault", "reason", "the unit reports a fault", "The unit marks samples as not to be trusted."),
+    FindingInfo("not_finite", "reason", "not a number", "What was worked out is no number."),
+    FindingInfo(
+        "network_contradicts", "reason", "network and Earth rate differ", "The network contradicts the mean rate."
+    ),
     FindingInfo("bundle_mismatch", "reason", "the network does not fit", "The recording does not fit the bundle."),
     FindingInfo("not_running", "reason", "stopped", "The live session is not running."),
     FindingInfo("source_ended", "reason", "the source has ended", "The source of the live session has ended."),

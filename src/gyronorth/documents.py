@@ -79,6 +79,7 @@ class HeadingDocument(TypedDict):
     scale_factor_ppm: list[float] | None
     scale_factor_sigma_ppm: list[float] | None
     disturbance: DisturbanceDocument | None
+    fitness: Literal["aligning", "degraded", "valid", "invalid"]
     orientation: OrientationDocument | None
 
 

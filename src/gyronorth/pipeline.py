@@ -40,6 +40,7 @@ def heading(
     attitude: tuple[float, float] | None = None,
     turn_angles: Sequence[float] | None = None,
     deviation: DeviationModel | None = None,
+    require_sigma: float | None = None,
 ) -> HeadingEstimate:
     """Heading of a recording from the Earth rate it senses, with sigma and verdict.
 
@@ -71,6 +72,8 @@ def heading(
         them; without them the gyro measures them.
     deviation : DeviationModel, optional
         Deviation curve, applied to the closed form where `deviation.covers(recording.session)`.
+    require_sigma : float, optional
+        Largest sigma, rad, with which the heading is of use; above it `sigma_required` refuses it.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def heading(
     for note in recording.notes:
         if note.blocking and found.valid:
             raise InputError(note.message)
-    return found
+    return found.required(require_sigma)
 
 
 def heading_batch(

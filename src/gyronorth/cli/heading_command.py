@@ -22,12 +22,14 @@ from gyronorth.cli.options import (
     MethodName,
     Pitch,
     Plot,
+    RequireSigma,
     Roll,
     SensorName,
     angles,
     check_outputs,
     print_json,
     with_reading,
+    written,
 )
 from gyronorth.cli.progress import files_done, reading_file, working
 
@@ -59,6 +61,7 @@ class Request:
     model: Path | None = None  # bundle
     turn_angles: tuple[float, ...] | None = None  # rad
     deviation: DeviationModel | None = None
+    require_sigma: float | None = None  # rad
 
     def read(self, path: Path, progress: Callable[[float], None] | None = None) -> Recording:
         """The recording, less its known bias."""
@@ -80,6 +83,7 @@ class Request:
             attitude=self.attitude,
             turn_angles=self.turn_angles,
             deviation=self.deviation,
+            require_sigma=self.require_sigma,
         )
 
 
@@ -120,6 +124,7 @@ def heading(
     ] = None,
     deviation: Deviation = None,
     any_session: AnySession = False,
+    require_sigma: RequireSigma = None,
     *,
     reading: ReadOptions,
 ) -> int:
@@ -147,7 +152,7 @@ def heading(
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     if biased and method == "learned" and model is not None:
         check_bias(model)
-    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve)
+    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve, require_sigma)
     if folder:
         return _folder(source, request, as_json=as_json, csv=csv)
     return _file(source, request, as_json=as_json, nmea=nmea, csv=csv, plot=plot, report=report)
@@ -179,6 +184,7 @@ def _file(
         from gyronorth.report.terminal import print_heading
 
         print_heading(outcome, sys.stdout)
+    _tell_written(plot, report, csv)
     return VALID if estimate.valid else REFUSED
 
 
@@ -230,6 +236,10 @@ def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) 
             estimate = request.heading(recording)
         except (InputError, OSError) as error:
             outcomes.append(Outcome(name, message=str(error)))
+        except Exception as error:  # a fault of ours, in one file of many
+            fault = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            fault = f"a fault of gyronorth, please report it: {fault}"
+            outcomes.append(Outcome(name, message=fault))
         else:
             outcomes.append(Outcome(name, estimate, heading_true=recording.heading_true))
     if csv is not None:
@@ -240,9 +250,16 @@ def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) 
         from gyronorth.report.terminal import print_folder
 
         print_folder(outcomes, sys.stdout)
+    _tell_written(csv)
     if any(outcome.estimate is None for outcome in outcomes):
         return BAD_INPUT
     return VALID if all(outcome.estimate and outcome.estimate.valid for outcome in outcomes) else REFUSED
+
+
+def _tell_written(*paths: Path | None) -> None:
+    for path in paths:
+        if path is not None:
+            written(path)
 
 
 def _sensor(name_or_file: str | None) -> Sensor | None:
@@ -286,6 +303,8 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     if request.gyro_bias is not None:
         bias = ", ".join(f"{value / DEG_PER_HOUR:g}" for value in request.gyro_bias)
         inputs.append(("gyro bias subtracted", f"{bias} deg/h"))
+    if request.require_sigma is not None:
+        inputs.append(("sigma required", f"{degrees(request.require_sigma):g}°"))
     if request.attitude is not None:
         inputs.append(("roll and pitch given", ", ".join(f"{degrees(angle):g}°" for angle in request.attitude)))
     if recording.session is not None:

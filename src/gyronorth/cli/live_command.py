@@ -20,8 +20,8 @@ from gyronorth.cli.options import (
     OUTPUT,
     SITE,
     MethodName,
+    RequireSigma,
     SensorName,
-    degrees,
     number,
     with_reading,
 )
@@ -131,14 +131,7 @@ def live(
             rich_help_panel=OUTPUT,
         ),
     ] = 1.0,
-    require_sigma: Annotated[
-        Any,
-        typer.Option(
-            metavar="DEG",
-            parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
-            help="Give out no heading with a larger sigma.",
-        ),
-    ] = None,
+    require_sigma: RequireSigma = None,
     page: Annotated[
         bool,
         typer.Option(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import wraps
 from math import inf, isfinite, radians
 from pathlib import Path
@@ -171,11 +171,26 @@ SensorName = Annotated[
 RequiredSensor = Annotated[
     str, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
 ]
+RequireSigma = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
+        help="Give out no heading with a larger sigma.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
     Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
 ]
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def _named(words: str) -> tuple[Any, None]:
+    """An option of reading that takes a name."""
+    return Annotated[str | None, typer.Option(metavar="NAME", help=words, rich_help_panel=FILE)], None
+
 
 #: What `with_reading` adds to a command: option name -> (annotation, default).
 READING: dict[str, tuple[Any, Any]] = {
@@ -238,46 +253,10 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
-    "variable": (
-        Annotated[
-            str | None,
-            typer.Option(
-                metavar="NAME",
-                help="Variable to read from a .mat or HDF5 file, or group of the latter.",
-                rich_help_panel=FILE,
-            ),
-        ],
-        None,
-    ),
-    "topic": (
-        Annotated[
-            str | None,
-            typer.Option(
-                metavar="NAME", help="Topic of sensor_msgs/Imu in a bag or an MCAP file.", rich_help_panel=FILE
-            ),
-        ],
-        None,
-    ),
-    "protocol": (
-        Annotated[
-            str | None,
-            typer.Option(
-                metavar="NAME",
-                help="Protocol of a capture of a unit's frames; by default told by their checksums.",
-                rich_help_panel=FILE,
-            ),
-        ],
-        None,
-    ),
-    "imu": (
-        Annotated[
-            str | None,
-            typer.Option(
-                metavar="NAME", help="IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300.", rich_help_panel=FILE
-            ),
-        ],
-        None,
-    ),
+    "variable": _named("Variable to read from a .mat or HDF5 file, or group of the latter."),
+    "topic": _named("Topic of sensor_msgs/Imu in a bag or an MCAP file."),
+    "protocol": _named("Protocol of a capture of a unit's frames; by default told by their checksums."),
+    "imu": _named("IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300."),
     "accel_range": (
         Annotated[
             Any,
@@ -347,8 +326,13 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     return ReadOptions(**fields)
 
 
-def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:
-    """Refuse, before any work, outputs that could not be written or would overwrite the input or each other.
+def check_outputs(
+    outputs: dict[str, tuple[Path | None, tuple[str, ...]]],
+    *,
+    source: Path | None = None,
+    kept: Collection[str] = (),
+) -> None:
+    """Refuse, before any work, outputs that could not be written or would overwrite the input, each other or a work.
 
     Parameters
     ----------
@@ -356,6 +340,8 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
         Option name -> (path or None, the suffixes it may have; none given: any).
     source : Path, optional
         The recording that is read.
+    kept : collection of str
+        Options whose file is not overwritten: recordings, profiles, bundles, where `--force` is not given.
     """
     from gyronorth.errors import InputError
 
@@ -371,7 +357,17 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
             raise InputError(f"{option} {path}: the folder {path.parent} does not exist; make it first.")
         if path.resolve() in taken:
             raise InputError(f"{option} {path} is {taken[path.resolve()]}; choose another name.")
+        if option in kept and path.is_file():
+            raise InputError(f"{option} {path} exists. Give another name, or --force to overwrite it.")
         taken[path.resolve()] = f"also what {option} writes"
+
+
+def written(path: Path) -> None:
+    """Say on standard error what was written, devices and pipes left out."""
+    from gyronorth.report.wording import printable
+
+    if path.is_file() or path.is_dir():
+        typer.echo(f"wrote {printable(str(path))}", err=True)
 
 
 def print_json(document: Any) -> None:

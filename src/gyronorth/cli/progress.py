@@ -34,7 +34,9 @@ def share_done(text: str) -> Iterator[Callable[[float], None] | None]:
 
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(text, total=None)
+        from gyronorth.report.wording import printable
+
+        task = progress.add_task(printable(text), total=None)
         yield lambda share: progress.update(task, total=1.0, completed=share)
 
 
@@ -54,11 +56,13 @@ def files_done(paths: Sequence[Path]) -> Iterator[Path]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from gyronorth.report.wording import printable
+
     columns = BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False)
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=len(paths))
         for path in paths:
-            progress.update(task, description=path.name)
+            progress.update(task, description=printable(path.name))
             yield path
             progress.advance(task)
 

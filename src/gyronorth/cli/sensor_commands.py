@@ -17,6 +17,7 @@ from gyronorth.cli.options import (
     CHUNK_SAMPLES,
     OUTPUT,
     PLOT_SUFFIXES,
+    Force,
     Json,
     Latitude,
     Plot,
@@ -24,6 +25,7 @@ from gyronorth.cli.options import (
     check_outputs,
     print_json,
     with_reading,
+    written,
 )
 from gyronorth.cli.progress import reading_file, share_done, working
 
@@ -85,6 +87,7 @@ def allan(
     ] = None,
     as_json: Json = False,
     plot: Plot = None,
+    force: Force = False,
     *,
     reading: ReadOptions,
 ) -> None:
@@ -94,7 +97,8 @@ def allan(
     from gyronorth.report.sensors import print_characterisation
     from gyronorth.sensor import read_sensor, write_sensor
 
-    check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
+    outputs = {"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}
+    check_outputs(outputs, source=source, kept=() if force else ("-o",))
     base = None if sensor is None else read_sensor(sensor)
     with ExitStack() as stack:
         with reading_file(source) as progress:
@@ -119,6 +123,9 @@ def allan(
         print_json(found.to_json())
     else:
         print_characterisation(found, sys.stdout)
+    for path in (output, plot):
+        if path is not None:
+            written(path)
 
 
 @app.command()
@@ -155,3 +162,5 @@ def plan(
         print_plan(planned, sys.stdout)
         if turned is not None:
             print_turns(turned, sys.stdout)
+    if plot is not None:
+        written(plot)

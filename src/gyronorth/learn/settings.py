@@ -113,7 +113,7 @@ def read_settings(path: str | Path) -> Settings:
 
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, a date that is none
         raise InputError(f"{path} is not a YAML file: {' '.join(str(error).split())}.") from None
     try:
         return Settings.model_validate({} if content is None else content)

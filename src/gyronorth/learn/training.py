@@ -133,10 +133,17 @@ def read_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it belongs to other settings or data.
+        If it is damaged, or belongs to other settings or data.
     """
-    state = torch.load(path, weights_only=True)
-    if state["fingerprint"] != fingerprint:
+    try:
+        state = torch.load(path, weights_only=True)
+        written = state["fingerprint"]
+    except Exception as error:  # of a damaged file PyTorch raises almost any
+        raise InputError(
+            f"{path} cannot be read ({type(error).__name__}): it is damaged, or no checkpoint of gyronorth. "
+            "Remove it and train again."
+        ) from None
+    if written != fingerprint:
         raise InputError(
             f"{path} belongs to a training with other settings, data or code. Resume with the same ones, or give "
             "another output folder."

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from math import degrees
 from typing import get_args
 
-from gyronorth.live.status import Fitness, Status
+from gyronorth.live.status import LiveFitness, Status
 
 #: Content type of the text.
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -32,7 +32,7 @@ def metrics_text(status: Status) -> str:
         if value is not None:
             lines += [*_head(name, words, "gauge"), f"gyronorth_{name} {float(value):.10g}"]
     lines += _head("fitness", "What the heading is good for: 1 at the present state.", "gauge")
-    lines += [f'gyronorth_fitness{{state="{name}"}} {int(name == status.fitness)}' for name in get_args(Fitness)]
+    lines += [f'gyronorth_fitness{{state="{name}"}} {int(name == status.fitness)}' for name in get_args(LiveFitness)]
     for name, count in asdict(status.counters).items():
         lines += [*_head(f"{name}_total", f"Counter {name} of `live --json`.", "counter")]
         lines += [f"gyronorth_{name}_total {count}"]

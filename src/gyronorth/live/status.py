@@ -17,15 +17,12 @@ from gyronorth.live.holding import Held
 
 #: waiting: no row has come yet. ended: the source has nothing more.
 State = Literal["waiting", "running", "stopped", "ended", "failed"]
-#: aligning: more time helps. degraded: a heading, less certain than required. held: carried on by the gyro since the
-#: unit moved. invalid: it must not be used.
-Fitness = Literal["aligning", "degraded", "valid", "held", "invalid"]
+#: As of an estimate; held: carried on by the gyro since the unit moved.
+LiveFitness = Literal["aligning", "degraded", "valid", "held", "invalid"]
 #: A session that has not looked at its source for so long, s, answers for nothing.
 UNATTENDED = 3.0
 #: Half width of the 95 % interval of a normal law, sigma.
 NORMAL_95 = 1.96
-#: Codes that more time of standing still takes away.
-ALIGNING = frozenset({"too_short", "too_noisy"})
 
 
 @dataclass(frozen=True)
@@ -94,8 +91,8 @@ class Status:
         if self.found is None:
             return None
         estimate = self.found.estimate
-        reasons = (*estimate.reasons, *self.findings, *_too_uncertain(estimate, self.require_sigma))
-        return replace(estimate, reasons=reasons, warnings=(*estimate.warnings, *self.warnings))
+        estimate = replace(estimate, warnings=(*estimate.warnings, *self.warnings))
+        return replace(estimate, reasons=(*estimate.reasons, *self.findings)).required(self.require_sigma)
 
     @property
     def estimate(self) -> HeadingEstimate | None:
@@ -120,20 +117,15 @@ class Status:
             pitch=held.pitch,
             sigma_parts={},
         )
-        return replace(carried, reasons=(*self.findings, *_too_uncertain(carried, self.require_sigma)))
+        return replace(carried, reasons=self.findings).required(self.require_sigma)
 
     @property
-    def fitness(self) -> Fitness:
+    def fitness(self) -> LiveFitness:
         """What the heading is good for now."""
         estimate = self.estimate
-        codes = set() if estimate is None else {reason.code for reason in estimate.reasons}
-        if estimate is None:
-            return "aligning" if self.state in ("waiting", "running") and not self.findings else "invalid"
-        if not codes:
-            return "valid" if self.held is None else "held"
-        if codes & ALIGNING and codes <= ALIGNING | {"sigma_required"}:
-            return "aligning"
-        return "degraded" if codes == {"sigma_required"} else "invalid"
+        if estimate is not None:
+            return "held" if self.held is not None and estimate.valid else estimate.fitness
+        return "aligning" if self.state in ("waiting", "running") and not self.findings else "invalid"
 
     def _past(self) -> tuple[Finding, ...]:
         """Why the heading is not one of this moment."""
@@ -167,15 +159,3 @@ class Status:
             **asdict(self.counters),
         }
         return {**document, "live": live}
-
-
-def _too_uncertain(estimate: HeadingEstimate, limit: float | None) -> tuple[Finding, ...]:
-    """Whether a heading is less certain than is required; `limit` is one sigma, rad."""
-    if limit is None or (estimate.sigma is not None and estimate.sigma <= limit):
-        return ()
-    wanted = f"{degrees(limit):.3g} deg is required"
-    if estimate.sigma is None:
-        return (Finding("sigma_required", f"Sigma is not known; {wanted}.", None, degrees(limit)),)
-    sigma = degrees(estimate.sigma)
-    message = f"Sigma is {sigma:.3g} deg; {wanted}. Let the unit stand longer, or turn it by 180 deg."
-    return (Finding("sigma_required", message, sigma, degrees(limit)),)

@@ -209,7 +209,9 @@ class GridBuilder:
         if usable.all():
             return None
         wrong = np.flatnonzero(~usable)
-        described = [(int(block.rows[i]), self._why(block.values[i], data[i])) for i in wrong[:DESCRIBED]]
+        # In a window the first ones may lie before it.
+        shown = wrong if self._options.window and self._position < self._window[1] else wrong[:DESCRIBED]
+        described = [(int(block.rows[i]), self._why(block.values[i], data[i])) for i in shown]
         if len(wrong) > len(data) / 2:
             row, why = described[0]
             raise InputError(
@@ -254,7 +256,8 @@ class GridBuilder:
             ordered[:-1] &= ~(falls_back & (step[:-1] > 1.5 * interval))
             latest = np.maximum.accumulate(np.concatenate([start, np.where(ordered, unwrapped, -np.inf)]))[:-1]
             ordered &= unwrapped > latest
-            for i in np.flatnonzero(~ordered)[:DESCRIBED]:
+            disordered = np.flatnonzero(~ordered)
+            for i in disordered if self._options.window else disordered[:DESCRIBED]:
                 way = "repeats" if step[i] == 0 else "runs backwards" if step[i] < 0 else "leaps"
                 title = self._source.clock.name if self._source.clock else ""
                 reasons.append((int(rows[i]), f"time {way}: {title} is {time[i]:.10g} after {time[i] - step[i]:.10g}"))
@@ -332,8 +335,8 @@ class GridBuilder:
         self.rows_dropped += int(inside.sum())
         if self._last_values is None:
             self.leading += int((places == 0).sum())
-        counted = set(bad[inside].tolist())
-        self._described += [reason for reason in sorted(reasons) if reason[0] in counted]
-        del self._described[DESCRIBED:]
+        known = dict(sorted(reasons, reverse=True))  # of two reasons of a row the first one
+        counted = np.sort(bad[inside])[: DESCRIBED - len(self._described)].tolist()
+        self._described += [(row, known.get(row, "it does not hold a usable number in each column")) for row in counted]
         if not self._options.drop_bad_rows and self.rows_dropped > PATIENCE:
             self.raise_bad()

@@ -35,6 +35,7 @@ COLUMNS = (
     "heading_true_deg",
     "error_deg",
     "message",
+    "fitness",
 )
 
 
@@ -103,4 +104,9 @@ def write_rows(rows: Iterable[dict[str, Any]], columns: Sequence[str], path: Pat
     ):
         writer = csv.DictWriter(file, columns, lineterminator="\n", restval="")
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+
+
+def _cell(value: Any) -> Any:
+    """A text that a spreadsheet would take for a formula behind an apostrophe, which it takes for a text."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value

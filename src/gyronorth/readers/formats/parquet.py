@@ -154,5 +154,9 @@ def _part(reading: partial[Iterator[NDArray[np.float64]]], starts: NDArray[np.in
 
 
 FORMAT = Format(
-    format_info("parquet"), open_parquet, recognises=lambda head: head.startswith(b"PAR1"), write=write_parquet
+    format_info("parquet"),
+    open_parquet,
+    recognises=lambda head: head.startswith(b"PAR1"),
+    write=write_parquet,
+    foreign=("pyarrow.parquet", "pyarrow.types"),
 )
