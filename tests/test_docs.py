@@ -300,7 +300,7 @@ def test_every_requirement_is_pinned():
         *(name for extra in project["optional-dependencies"].values() for name in extra),
     ]
     missing = {name for line in wanted if (name := normal(re.split(r"[\[<>=;]", line)[0])) not in pinned}
-    assert not missing
+    assert missing <= {"gyronorth", "gyronorth-bundles"}  # made here
 
 
 def normal(name: str) -> str:

@@ -514,7 +514,7 @@ def test_a_valid_estimate_has_finite_numbers_and_a_sigma_above_zero(change):
 
 @pytest.mark.parametrize("given", [{"attitude": (np.nan, 0.0)}, {"attitude": (0.0,)}, {"turn_angles": (np.inf,)}])
 def test_given_angles_are_finite(given):
-    with pytest.raises(InputError, match="finite angles|two angles"):
+    with pytest.raises(InputError, match=r"finite angles|two angles"):
         heading(recorded(), sensor="sdc500", **given)
     with pytest.raises(InputError, match="three finite rates"):
         recorded().without_bias((0.0, np.nan, 0.0))

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
+from gyronorth.attitude import Orientation, orientation
 from gyronorth.errors import InputError
-from gyronorth.findings import Finding
+from gyronorth.findings import Check, Finding
 
 #: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
 Fitness = Literal["aligning", "degraded", "valid", "invalid"]
@@ -111,6 +112,7 @@ class HeadingEstimate:
     rate_norm: float  # its norm, rad/s
     implied_latitude: float | None  # asin(-w_down / |w|), rad
     disturbance: DisturbanceFound | None = None  # where a method was tried that models disturbance
+    checks: tuple[Check, ...] = ()  # every gate that judged the heading, passed or not
 
     @property
     def valid(self) -> bool:
@@ -168,6 +170,23 @@ class HeadingEstimate:
     def gyro_bias(self) -> tuple[float, float, float] | None:
         """Gyro bias, rad/s, body axes, where the method estimates it."""
         return None if self.sensor_errors is None else self.sensor_errors.bias
+
+    @property
+    def orientation(self) -> Orientation | None:
+        """Quaternion, matrix, covariance and yaw of the attitude; None without a heading, roll and pitch."""
+        if self.heading is None or self.roll_deg is None or self.pitch_deg is None:
+            return None
+        assert self.roll is not None
+        assert self.pitch is not None
+        return orientation(
+            self.roll,
+            self.pitch,
+            self.heading,
+            sigma=self.sigma,
+            levelling=self.sigma_parts.get("levelling"),
+            latitude=self.latitude,
+            method=self.method,
+        )
 
     @property
     def heading_deg(self) -> float | None:
@@ -258,6 +277,7 @@ class HeadingEstimate:
             "scale_factor_sigma_ppm": _scaled(errors and errors.scale_factor_sigma, 1e-6),
             "disturbance": None if self.disturbance is None else self.disturbance.to_json(),
             "fitness": self.fitness,
+            "orientation": None if (found := self.orientation) is None else found.to_json(),
         }
 
 

@@ -14,6 +14,7 @@ from gyronorth.alignment import registry, verdict
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import Options
 from gyronorth.arrays import Array
+from gyronorth.catalogue import REASONS
 from gyronorth.conditioning import decimated
 from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
@@ -96,7 +97,10 @@ def heading(
         recording.session,
     )
     result = registry.solve(method, problem, _options(model, turn_angles, deviation))
-    found = verdict.estimate(problem, result, notes=recording.notes, start_time_utc=recording.start_time_utc)
+    marked = tuple(note for note in recording.notes if note.code in REASONS)
+    notes = tuple(note for note in recording.notes if note not in marked)
+    found = verdict.estimate(problem, result, notes=notes, start_time_utc=recording.start_time_utc)
+    found = replace(found, reasons=(*found.reasons, *marked))
     for note in recording.notes:
         if note.blocking and found.valid:
             raise InputError(note.message)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gyronorth.alignment.checks import checks_of
 from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, implied_latitude, judge
 from gyronorth.alignment.motion import MotionStatistics
 from gyronorth.alignment.problem import Problem
@@ -80,6 +81,7 @@ def estimate(
         rate_norm=norm,
         implied_latitude=float(implied_latitude(result.attitude.rate_l)) if norm > 0 else None,
         disturbance=result.disturbance,
+        checks=checks_of(gates, samples=problem.gyro_b.shape[-2], duration=problem.duration),
     ).checked()
 
 

@@ -10,14 +10,37 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from gyronorth.cli import progress
+from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
+from gyronorth.cli.tasks import ABOUT
+
+#: Panel of the options that every command has.
+PANEL = "How much is said"
+
 
 class Commands(TyperGroup):
-    """Runs a command, turns what it returns into the exit code and what the user got wrong into one message."""
+    """Shows the commands by task, runs one, and turns what it returns into the exit code, an error into one message."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        verbosity = _verbosity()
+        for name, command in self.commands.items():
+            task, examples = ABOUT.get(name, (None, ()))
+            shown: Any = command
+            shown.rich_help_panel = task
+            if examples:  # an empty line between them keeps each on its own line
+                shown.epilog = "\n\n".join(["Examples:", *examples])
+            shown.params += verbosity
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names in the order of the tasks; what no task names comes last."""
+        return sorted(super().list_commands(ctx), key=[*ABOUT, *self.commands].index)
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run the command that the arguments name, and end the process with its exit code."""
         if not standalone_mode:
             return super().main(*args, standalone_mode=False, **extra)
+        progress.level = NORMAL
         if sys.stdout is None:  # a service may be started without it
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # for as long as the command runs
         if isinstance(sys.stdout, io.TextIOWrapper):
@@ -32,7 +55,7 @@ class Commands(TyperGroup):
             _fail("interrupted", 130)
         except Exception as error:
             message = _user_error(error)
-            if message is None:
+            if message is None or progress.level == VERBOSE:
                 raise
             _fail(message, 2)
         sys.exit(code if isinstance(code, int) else 0)
@@ -63,10 +86,49 @@ def _fail(message: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
+def _set_level(level: int) -> Any:
+    """A callback of a flag: how much is said."""
+
+    def chosen(given: bool) -> None:
+        if given:
+            progress.level = level
+
+    return chosen
+
+
+def _verbosity() -> list[Any]:
+    """The options -q and -v, as this version of typer makes them."""
+    apart = typer.Typer(add_completion=False)
+
+    @apart.command()
+    def _sample(
+        quiet: bool = typer.Option(
+            False,
+            "-q",
+            "--quiet",
+            callback=_set_level(QUIET),
+            expose_value=False,
+            rich_help_panel=PANEL,
+            help="No progress on standard error: results and errors only.",
+        ),
+        verbose: bool = typer.Option(
+            False,
+            "-v",
+            "--verbose",
+            callback=_set_level(VERBOSE),
+            expose_value=False,
+            rich_help_panel=PANEL,
+            help="The time of each step on standard error, and where in the program an error arose.",
+        ),
+    ) -> None: ...
+
+    return typer.main.get_command(apart).params
+
+
 app = typer.Typer(
     cls=Commands,
     help="True north from a gyroscope that stands still, with an uncertainty that can be believed.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -82,6 +144,11 @@ def _version(show: bool) -> None:
 
 @app.callback()
 def _global_options(
-    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Show the version."),
+    context: typer.Context,
+    version: bool = typer.Option(  # noqa: ARG001 - its callback acts
+        False, "--version", callback=_version, is_eager=True, help="Show the version."
+    ),
 ) -> None:
     """True north from a gyroscope that stands still, with an uncertainty that can be believed."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import METHODS
+from gyronorth.cli import completion
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -46,6 +47,7 @@ MethodName = Annotated[
         "--method",
         metavar="|".join(info.name for info in METHODS),
         parser=method_name,
+        autocompletion=completion.method,
         help="; ".join(f"{info.name}: {info.summary}" for info in METHODS) + ".",
     ),
 ]
@@ -165,11 +167,21 @@ Rate = Annotated[
 SensorName = Annotated[
     str | None,
     typer.Option(
-        "--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.", rich_help_panel=SITE
+        "--sensor",
+        metavar="NAME|FILE",
+        autocompletion=completion.sensor,
+        help="Sensor profile; `gyronorth sensors` lists them.",
+        rich_help_panel=SITE,
     ),
 ]
 RequiredSensor = Annotated[
-    str, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
+    str,
+    typer.Option(
+        "--sensor",
+        metavar="NAME|FILE",
+        autocompletion=completion.sensor,
+        help="Sensor profile; `gyronorth sensors` lists them.",
+    ),
 ]
 RequireSigma = Annotated[
     Any,
@@ -201,7 +213,10 @@ READING: dict[str, tuple[Any, Any]] = {
         Annotated[
             str | None,
             typer.Option(
-                metavar="AXES", help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.", rich_help_panel=FILE
+                metavar="AXES",
+                autocompletion=completion.axes,
+                help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.",
+                rich_help_panel=FILE,
             ),
         ],
         None,
@@ -219,16 +234,35 @@ READING: dict[str, tuple[Any, Any]] = {
         None,
     ),
     "gyro_unit": (
-        Annotated[str | None, typer.Option(metavar="UNIT", help="deg/s, rad/s or deg/h.", rich_help_panel=FILE)],
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="UNIT",
+                autocompletion=completion.gyro_unit,
+                help="deg/s, rad/s or deg/h.",
+                rich_help_panel=FILE,
+            ),
+        ],
         None,
     ),
-    "accel_unit": (Annotated[str | None, typer.Option(metavar="UNIT", help="m/s2 or g.", rich_help_panel=FILE)], None),
+    "accel_unit": (
+        Annotated[
+            str | None,
+            typer.Option(metavar="UNIT", autocompletion=completion.accel_unit, help="m/s2 or g.", rich_help_panel=FILE),
+        ],
+        None,
+    ),
     "increments": (
         Annotated[
-            bool,
-            typer.Option("--increments", help="The file holds increments per sample, not rates.", rich_help_panel=FILE),
+            bool | None,
+            typer.Option(
+                "--increments/--no-increments",
+                help="The file holds increments per sample, or rates.",
+                show_default=False,
+                rich_help_panel=FILE,
+            ),
         ],
-        False,
+        None,
     ),
     "columns": (
         Annotated[
@@ -267,7 +301,29 @@ READING: dict[str, tuple[Any, Any]] = {
             str | None,
             typer.Option(
                 metavar="NAME",
+                autocompletion=completion.protocol,
                 help="Protocol of a capture of a unit's frames; by default told by their checksums.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "imu": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME", help="IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300.", rich_help_panel=FILE
+            ),
+        ],
+        None,
+    ),
+    "accel_range": (
+        Annotated[
+            Any,
+            typer.Option(
+                metavar="G",
+                parser=number("a range of 5, 10, 30 or 80 g", "10", low=5, high=80),
+                help="Accelerometer range of STIM datagrams, g.",
                 rich_help_panel=FILE,
             ),
         ],
@@ -320,7 +376,8 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     from gyronorth.readers import ReadOptions
 
     given = {name: value for name, value in values.items() if value is not None}
-    fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
+    names = {"rate": "rate_hz", "accel_range": "accel_range_g"}
+    fields = {names.get(name, name): value for name, value in given.items()}
     for option, (field, value) in zip(given, fields.items(), strict=True):
         try:
             ReadOptions(**{field: value})
@@ -352,6 +409,8 @@ def check_outputs(
     for option, (path, suffixes) in outputs.items():
         if path is None:
             continue
+        if option in ("--plot", "--report"):
+            check_drawing(option)
         if suffixes and path.suffix.lower() not in suffixes:
             raise InputError(f"{option} {path}: the name must end in {' or '.join(suffixes)}.")
         if path.is_dir():
@@ -371,6 +430,20 @@ def written(path: Path) -> None:
 
     if path.is_file() or path.is_dir():
         typer.echo(f"wrote {printable(str(path))}", err=True)
+
+
+def check_drawing(what: str) -> None:
+    """Refuse what draws if the libraries of the extra `report` are not installed."""
+    from importlib.util import find_spec
+
+    from gyronorth.errors import InputError
+
+    missing = [module for module in ("matplotlib", "jinja2") if find_spec(module) is None]
+    if missing:
+        raise InputError(
+            f"{what} needs {' and '.join(missing)}, which the small installation leaves out. "
+            "Install it with: pip install 'gyronorth[report]'."
+        )
 
 
 def print_json(document: Any) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW, WRITTEN_SUFFIXES
+from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
@@ -92,6 +93,7 @@ def simulate(
         str,
         typer.Option(
             metavar="KIND",
+            autocompletion=completion.disturbance,
             help=f"{', '.join((*KINDS, *SLOW, *PLATFORM))}; not known to any method: {', '.join(HELD_OUT)}.",
         ),
     ] = "quiet",

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gyronorth.catalogue import METHODS
+from gyronorth.catalogue import ALLAN_EXPORTS, METHODS
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
+    OUTPUT,
     PLOT_SUFFIXES,
     Force,
     Json,
@@ -43,6 +44,13 @@ def plannable(text: str) -> str:
     return text
 
 
+def allan_export(text: str) -> str:
+    """The name of an estimator that a profile is written for."""
+    if text not in ALLAN_EXPORTS:
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(ALLAN_EXPORTS)}")
+    return text
+
+
 @app.command()
 def sensors(as_json: Json = False) -> None:
     """List the built-in sensor profiles with their figures and where these come from."""
@@ -66,6 +74,15 @@ def allan(
         str | None,
         typer.Option(
             metavar="NAME|FILE", help="Profile that supplies what the recording cannot show, such as turn-on bias."
+        ),
+    ] = None,
+    export: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(ALLAN_EXPORTS),
+            parser=allan_export,
+            help="Print the profile for another estimator (YAML) and nothing else.",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
     as_json: Json = False,
@@ -98,7 +115,11 @@ def allan(
 
         with working("drawing"):
             figures.write(figures.characterisation_figure(found), plot)
-    if as_json:
+    if export is not None:
+        from gyronorth.allan.export import EXPORTS
+
+        sys.stdout.write(EXPORTS[export](found.sensor, found.rate_hz))
+    elif as_json:
         print_json(found.to_json())
     else:
         print_characterisation(found, sys.stdout)

@@ -9,7 +9,7 @@ from gyronorth.errors import InputError
 from gyronorth.readers.clock import Ticks, measure
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
-from gyronorth.readers.source import DESCRIBED, Block, Source
+from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Source
 from gyronorth.recording import Gap
 
 #: Largest plausible angular rate, rad/s (2005 deg/s, the range of the fastest gyros), and specific force, m/s^2.
@@ -43,6 +43,7 @@ class GridBuilder:
         self.samples = 0  # samples returned so far
         self.missing = 0  # of these, bridged
         self.jitter = 0.0  # largest root mean square of a block, in sample intervals
+        self.flagged = np.zeros(len(FLAGS), dtype=np.int64)  # rows that the unit itself marks, as `FLAGS`
         self._source, self._declared, self._options = source, declared, options
         self._window: tuple[float, float] = (0, np.inf)  # in samples, once the rate is known
         self._settled = False  # whether rate, ticks and window are known
@@ -84,6 +85,9 @@ class GridBuilder:
         self._note_bad(np.concatenate(bad), reasons, rows, positions)
         if len(rows) == 0:
             return data
+        if block.flags is not None:
+            inside = rows[(positions >= self._window[0]) & (positions < self._window[1])]
+            self.flagged += block.flags[np.isin(block.rows, inside)].sum(axis=0)
         samples = self._bridged(data, positions, steps)
         self._position, self._last_row, self._last_values = int(positions[-1]), int(rows[-1]), data[-1]
         self.samples += len(samples)

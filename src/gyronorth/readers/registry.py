@@ -181,10 +181,10 @@ def recordings_in(folder: str | Path) -> list[Path]:
             "in it or in the folders below it (hidden ones do not count). Check the path, or `gyronorth convert` yours "
             "first."
         )
-    return sorted(found, key=_natural)
+    return sorted(found, key=natural_order)
 
 
-def _natural(path: Path) -> tuple[object, ...]:
+def natural_order(path: Path) -> tuple[object, ...]:
     """x_8.0.csv before x_15.0.csv: runs of digits count as numbers."""
     import re
 

@@ -33,6 +33,14 @@ coefficient, the Allan minimum / 0.664. Bias: from power-up to power-up. --json 
 """
 
 
+def figure_texts(sensor: Sensor) -> list[tuple[str, str]]:
+    """The figures of a profile as (name, value with unit); one standard deviation of one axis each."""
+    return [
+        (title, f"{getattr(getattr(sensor, triad), field) / one:.3g} {unit}")
+        for (title, unit), (triad, field, one) in FIGURES.items()
+    ]
+
+
 def print_sensors(sensors: Sequence[Sensor], stream: TextIO) -> None:
     """Print one row of figures per sensor (one standard deviation of one axis), then the sources."""
     titles, units = zip(*FIGURES, strict=True)

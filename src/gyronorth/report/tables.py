@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +47,17 @@ class Outcome:
     estimate: HeadingEstimate | None = None
     message: str = ""
     heading_true: float | None = None  # rad, when the file knows it
+    checksum: str = ""  # of what the file held, where a table of many is kept
+    settings: str = ""  # JSON of all that decided the heading, likewise
+    window: tuple[float, float] | None = None  # start and end in the file, s, where it is one of its windows
+
+    def label(self) -> str:
+        """File, and window where there is one, for people."""
+        return self.file if self.window is None else "{} {:g}:{:g} s".format(self.file, *self.window)
+
+    def stamped(self, checksum: str, settings: str) -> Outcome:
+        """The same with what tells later whether it still holds."""
+        return replace(self, checksum=checksum, settings=settings)
 
     def document(self) -> dict[str, Any]:
         """One object of the JSON array of a folder: `file`, `error` and the heading's fields, where there is one."""

@@ -80,7 +80,7 @@ def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
     rows = []
     for outcome in outcomes:
         if outcome.estimate is None:
-            rows.append((outcome.file, "", "", "", "error" + numbers([f"error: {outcome.message}"])))
+            rows.append((outcome.label(), "", "", "", "error" + numbers([f"error: {outcome.message}"])))
             continue
         doc = outcome.document()
         low, high = doc["interval95_deg"]
@@ -88,7 +88,7 @@ def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
         verdict = "valid" if doc["valid"] else f"refused ({codes})"
         rows.append(
             (
-                outcome.file,
+                outcome.label(),
                 "" if doc["heading_deg"] is None else heading_text(doc["heading_deg"]),
                 number_text(doc["sigma_deg"]),
                 f"{heading_text(low)} to {heading_text(high, full_turn=True)}",

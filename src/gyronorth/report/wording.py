@@ -49,6 +49,11 @@ def number_text(value: float | None, *, decimals: int = 2, unit: str = "") -> st
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
 
 
+def fixed_text(value: float | None, *, decimals: int = 2) -> str:
+    """A number that always has so many decimals, such as roll and pitch, or "unknown"; there is no -0.00."""
+    return "unknown" if value is None else f"{round(value, decimals) + 0.0:.{decimals}f}"
+
+
 def duration_text(seconds: float) -> str:
     """A duration in the unit that people would use: 45 s, 12 min, 2.8 h."""
     if seconds < 60:

@@ -328,7 +328,7 @@ def test_shipped_bundles_reproduce_the_errors_on_their_card(method, recipe):
 
 
 def test_a_method_without_a_shipped_bundle_is_refused():
-    with pytest.raises(InputError, match="Give --model FOLDER"):
+    with pytest.raises(InputError, match=r"gyronorth\[bundles,learned\]', or give --model FOLDER"):
         shipped_bundle("nonesuch")
 
 

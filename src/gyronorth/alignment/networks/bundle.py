@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -180,17 +181,24 @@ def is_shipped(folder: Path) -> bool:
 
 
 def shipped_bundle(method: str) -> Path:
-    """Folder of the bundle that ships with the package for a method.
+    """Folder of the bundle of a method: in this package, or in `gyronorth_bundles` if that is installed.
 
     Raises
     ------
     InputError
         If there is none.
     """
-    folder = _SHIPPED / method
-    if not (folder / "bundle.json").is_file():
-        raise InputError(f"No bundle for the method {method} ships with this package. Give --model FOLDER.")
-    return folder
+    places = [Path(__file__).parents[2] / "bundles"]
+    extra = find_spec("gyronorth_bundles")
+    if extra is not None and extra.origin is not None:
+        places.append(Path(extra.origin).parent)
+    for place in places:
+        if (place / method / "bundle.json").is_file():
+            return place / method
+    raise InputError(
+        f"There is no bundle for the method {method}: those of `paper` and `baseline` are a package of their own. "
+        "Install it with: pip install 'gyronorth[bundles,learned]', or give --model FOLDER."
+    )
 
 
 def _content(path: Path) -> bytes:
