@@ -95,6 +95,17 @@ EVENTS = st.lists(
 @settings(deadline=None, max_examples=15)
 @given(events=EVENTS)
 def test_after_any_sequence_of_events_all_outputs_agree(events):
+    check_sequence(events)
+
+
+@pytest.mark.long
+@settings(deadline=None, max_examples=10_000)
+@given(events=EVENTS)
+def test_after_ten_thousand_sequences_of_events_all_outputs_agree(events):
+    check_sequence(events)
+
+
+def check_sequence(events: list[str]) -> None:
     """A look after each event, one at the end of the source, and one after the session."""
     seen: list[bool] = []
     at, shift = 0, 0.0

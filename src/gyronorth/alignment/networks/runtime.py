@@ -111,7 +111,8 @@ def _runner(content: bytes, *, threads: int) -> Runner:
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.log_severity_level = 4  # its errors are told by us
-    session = library.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    # Without a second try, which it would announce on standard output.
+    session = library.InferenceSession(content, options, providers=["CPUExecutionProvider"], enable_fallback=0)
 
     def run(request: Arrays | None) -> Any:
         start = time.process_time()
