@@ -63,7 +63,7 @@ readme: .venv/.all
 
 demo-recording: .venv/.demo
 	$(BIN)/gyronorth simulate --sensor sdc500 --latitude 32.11 --heading 40 --roll 1.5 --pitch -0.8 \
-		--duration 100 --rate 50 --seed 1 -o $(DEMO)
+		--duration 100 --rate 50 --seed 1 -o $(DEMO) --force
 
 # Meaningful after `make demo` alone: once the test extras are in, there is nothing to check.
 size:

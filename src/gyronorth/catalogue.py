@@ -137,6 +137,11 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
+    FindingInfo("not_finite", "reason", "not a number", "What was worked out is no number."),
+    FindingInfo(
+        "network_contradicts", "reason", "network and Earth rate differ", "The network contradicts the mean rate."
+    ),
+    FindingInfo("sensor_fault", "reason", "the unit reports a fault", "The unit marks samples as not to be trusted."),
     FindingInfo("bundle_mismatch", "reason", "the network does not fit", "The recording does not fit the bundle."),
     FindingInfo("not_running", "reason", "stopped", "The live session is not running."),
     FindingInfo("source_ended", "reason", "the source has ended", "The source of the live session has ended."),
@@ -169,6 +174,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("older_dropped", "warning", "older samples dropped", "Older samples are no longer used."),
     FindingInfo("older_merged", "warning", "older samples merged", "Older samples are kept as means."),
 )
+
+#: Codes that speak against a heading.
+REASONS = frozenset(row.code for row in FINDINGS if row.kind == "reason")
 
 
 @dataclass(frozen=True)
@@ -229,3 +237,14 @@ KINDS = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "known")
 SLOW = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "slow")
 HELD_OUT = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "held_out")
 PLATFORM = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "platform")
+
+
+#: Sets of NMEA sentences that a running instrument sends: name -> what it holds.
+NMEA_SETS = {
+    "standard": "HETHS, HEHDT, HEROT",
+    "ths": "HETHS, HEROT",
+    "hdt": "HEHDT, HEROT",
+    "octans": "HEHDT, PHTRO, PHINF",
+}
+#: Estimators that `allan --export` writes a profile for.
+ALLAN_EXPORTS = ("kalibr", "openvins", "kf-gins", "navtk")

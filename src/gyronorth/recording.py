@@ -108,7 +108,10 @@ class Recording:
 
     def without_bias(self, gyro_bias_b: ArrayLike) -> Recording:
         """The recording with a known gyro bias (3,), rad/s in the body frame, subtracted."""
-        return replace(self, gyro_b=self.gyro_b - np.asarray(gyro_bias_b, dtype=float))
+        bias = np.asarray(gyro_bias_b, dtype=float)
+        if bias.shape != (3,) or not np.isfinite(bias).all():
+            raise InputError(f"The gyro bias is {gyro_bias_b}; three finite rates in rad/s are expected.")
+        return replace(self, gyro_b=self.gyro_b - bias)
 
 
 def chosen_latitude(given: float | None, stored: float | None, source: str) -> float:

@@ -126,6 +126,17 @@ def test_bad_rows_outside_the_window_do_not_matter(tmp_path):
         read(path, window=(0, 8))
 
 
+def test_bad_rows_of_a_window_are_described_where_there_are_many_before_it(tmp_path):
+    rows = csv_rows(1000)
+    for row in (*range(10, 80, 10), 300, 301):
+        rows[row] = "broken\n"
+    rows[302] = rows[302].rpartition(",")[0] + ",nan\n"
+    path = csv_file(tmp_path, rows)
+    with pytest.raises(InputError, match=r"Row 305 of .* Bad rows in all: 3; row 306: .*; row 307: f_z is nan"):
+        read(path, window=(2, 8))
+    assert read(path, window=(2, 8), drop_bad_rows=True).rows_dropped == 3
+
+
 @pytest.mark.parametrize(("window", "message"), [((0, 11), "does not fit"), ((20, 30), "lies behind the end")])
 def test_window_beyond_the_end(tmp_path, window, message):
     with pytest.raises(InputError, match=message):

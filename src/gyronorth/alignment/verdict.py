@@ -82,7 +82,7 @@ def estimate(
         implied_latitude=float(implied_latitude(result.attitude.rate_l)) if norm > 0 else None,
         disturbance=result.disturbance,
         checks=checks_of(gates, samples=problem.gyro_b.shape[-2], duration=problem.duration),
-    )
+    ).checked()
 
 
 def batch(problem: Problem, groups: Sequence[tuple[Mask, Problem, Result]]) -> HeadingBatch:
@@ -96,7 +96,10 @@ def batch(problem: Problem, groups: Sequence[tuple[Mask, Problem, Result]]) -> H
         failed = np.any([gate.failed for gate in gates], axis=0) if gates else False
         found.heading[where], found.sigma[where] = result.attitude.heading, result.posterior.sigma
         found.low[where], found.high[where] = low, high
-        found.valid[where] = ~(np.asarray(failed) | bool(result.refusals))
+        sound = np.isfinite(result.attitude.heading + result.posterior.sigma + low + high) & (
+            result.posterior.sigma > 0
+        )
+        found.valid[where] = ~(np.asarray(failed) | bool(result.refusals)) & sound
         found.method[where] = result.method
     return found
 

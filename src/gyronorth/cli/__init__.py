@@ -14,6 +14,7 @@ from gyronorth.cli import (  # noqa: F401  # they join the application
     explain_command,
     heading_command,
     live_command,
+    published_command,
     recording_commands,
     sensor_commands,
     train_command,

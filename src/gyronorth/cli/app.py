@@ -80,7 +80,9 @@ def _user_error(error: Exception) -> str | None:
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    typer.echo(f"error: {message}", err=True)
+    from gyronorth.report.wording import printable
+
+    typer.echo(f"error: {printable(message)}", err=True)
     sys.exit(code)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import wraps
 from math import inf, isfinite, radians
 from pathlib import Path
@@ -183,7 +183,16 @@ RequiredSensor = Annotated[
         help="Sensor profile; `gyronorth sensors` lists them.",
     ),
 ]
+RequireSigma = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
+        help="Give out no heading with a larger sigma.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
     Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
 ]
@@ -245,10 +254,15 @@ READING: dict[str, tuple[Any, Any]] = {
     ),
     "increments": (
         Annotated[
-            bool,
-            typer.Option("--increments", help="The file holds increments per sample, not rates.", rich_help_panel=FILE),
+            bool | None,
+            typer.Option(
+                "--increments/--no-increments",
+                help="The file holds increments per sample, or rates.",
+                show_default=False,
+                rich_help_panel=FILE,
+            ),
         ],
-        False,
+        None,
     ),
     "columns": (
         Annotated[
@@ -289,6 +303,27 @@ READING: dict[str, tuple[Any, Any]] = {
                 metavar="NAME",
                 autocompletion=completion.protocol,
                 help="Protocol of a capture of a unit's frames; by default told by their checksums.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "imu": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME", help="IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300.", rich_help_panel=FILE
+            ),
+        ],
+        None,
+    ),
+    "accel_range": (
+        Annotated[
+            Any,
+            typer.Option(
+                metavar="G",
+                parser=number("a range of 5, 10, 30 or 80 g", "10", low=5, high=80),
+                help="Accelerometer range of STIM datagrams, g.",
                 rich_help_panel=FILE,
             ),
         ],
@@ -341,7 +376,8 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     from gyronorth.readers import ReadOptions
 
     given = {name: value for name, value in values.items() if value is not None}
-    fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
+    names = {"rate": "rate_hz", "accel_range": "accel_range_g"}
+    fields = {names.get(name, name): value for name, value in given.items()}
     for option, (field, value) in zip(given, fields.items(), strict=True):
         try:
             ReadOptions(**{field: value})
@@ -350,8 +386,13 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     return ReadOptions(**fields)
 
 
-def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:
-    """Refuse, before any work, outputs that could not be drawn or written, or would overwrite the input or each other.
+def check_outputs(
+    outputs: dict[str, tuple[Path | None, tuple[str, ...]]],
+    *,
+    source: Path | None = None,
+    kept: Collection[str] = (),
+) -> None:
+    """Refuse, before any work, outputs that could not be written or would overwrite the input, each other or a work.
 
     Parameters
     ----------
@@ -359,6 +400,8 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
         Option name -> (path or None, the suffixes it may have; none given: any).
     source : Path, optional
         The recording that is read.
+    kept : collection of str
+        Options whose file is not overwritten: recordings, profiles, bundles, where `--force` is not given.
     """
     from gyronorth.errors import InputError
 
@@ -376,7 +419,17 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
             raise InputError(f"{option} {path}: the folder {path.parent} does not exist; make it first.")
         if path.resolve() in taken:
             raise InputError(f"{option} {path} is {taken[path.resolve()]}; choose another name.")
+        if option in kept and path.is_file():
+            raise InputError(f"{option} {path} exists. Give another name, or --force to overwrite it.")
         taken[path.resolve()] = f"also what {option} writes"
+
+
+def written(path: Path) -> None:
+    """Say on standard error what was written, devices and pipes left out."""
+    from gyronorth.report.wording import printable
+
+    if path.is_file() or path.is_dir():
+        typer.echo(f"wrote {printable(str(path))}", err=True)
 
 
 def check_drawing(what: str) -> None:

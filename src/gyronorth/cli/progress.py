@@ -54,7 +54,9 @@ def share_done(text: str) -> Iterator[Callable[[float], None] | None]:
 
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(text, total=None)
+        from gyronorth.report.wording import printable
+
+        task = progress.add_task(printable(text), total=None)
         yield lambda share: progress.update(task, total=1.0, completed=share)
 
 
@@ -66,21 +68,36 @@ def reading_file(path: Path, *, doing: str = "reading") -> Iterator[Callable[[fl
         yield progress
 
 
-def files_done(paths: Sequence[Path]) -> Iterator[Path]:
-    """The paths one by one, with a bar of how many are done."""
+@contextmanager
+def recordings_done(total: int) -> Iterator[Callable[[str], None]]:
+    """A bar of how many recordings are done, with their rate and the time that remains; it is told each by name."""
     if not _displayed():
-        yield from paths
+        yield lambda _name: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False)
+    from gyronorth.report.wording import printable
+
+    rate, name = TextColumn("{task.fields[rate]}"), TextColumn("{task.description}", markup=False)
+    columns = BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn(), name
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=len(paths))
+        task = progress.add_task("", total=total, rate="")
+
+        def show(file: str) -> None:
+            speed = progress.tasks[0].speed
+            told = "" if speed is None else f"{speed:.3g}/s"
+            progress.update(task, advance=1, description=printable(file), rate=told)
+
+        yield show
+
+
+def files_done(paths: Sequence[Path]) -> Iterator[Path]:
+    """The paths one by one, with a bar of how many are done."""
+    with recordings_done(len(paths)) as done:
         for path in paths:
-            progress.update(task, description=path.name)
             yield path
-            progress.advance(task)
+            done(path.name)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,8 @@ def resolve(source: Source, options: ReadOptions) -> Declared:
         If two of them contradict each other, or something needed is known from none.
     """
     stated, usual, name = source.stated, source.usual, source.name
+    if source.decoded:
+        options = replace(options, gyro_unit=None, accel_unit=None, increments=None)
     gyro_unit = _unit("gyro", options.gyro_unit, stated.gyro_unit, usual.gyro_unit, GYRO_UNITS, name)
     accel_unit = ""
     if FORCES[0] in source.columns:
@@ -72,7 +74,7 @@ def resolve(source: Source, options: ReadOptions) -> Declared:
         accel_unit=accel_unit,
         axes=convention(mat),
         axes_declared=declared_axes is not None,
-        increments=options.increments or stated.increments,
+        increments=bool(options.increments) or stated.increments,
         mat_vf=None if np.array_equal(turned, np.eye(3)) else turned,
         latitude=_latitude(source, options),
         heading_true=heading_true,

@@ -9,7 +9,7 @@ from gyronorth.errors import InputError
 from gyronorth.readers.clock import Ticks, measure
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
-from gyronorth.readers.source import DESCRIBED, Block, Source
+from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Source
 from gyronorth.recording import Gap
 
 #: Largest plausible angular rate, rad/s (2005 deg/s, the range of the fastest gyros), and specific force, m/s^2.
@@ -43,6 +43,7 @@ class GridBuilder:
         self.samples = 0  # samples returned so far
         self.missing = 0  # of these, bridged
         self.jitter = 0.0  # largest root mean square of a block, in sample intervals
+        self.flagged = np.zeros(len(FLAGS), dtype=np.int64)  # rows that the unit itself marks, as `FLAGS`
         self._source, self._declared, self._options = source, declared, options
         self._window: tuple[float, float] = (0, np.inf)  # in samples, once the rate is known
         self._settled = False  # whether rate, ticks and window are known
@@ -84,6 +85,9 @@ class GridBuilder:
         self._note_bad(np.concatenate(bad), reasons, rows, positions)
         if len(rows) == 0:
             return data
+        if block.flags is not None:
+            inside = rows[(positions >= self._window[0]) & (positions < self._window[1])]
+            self.flagged += block.flags[np.isin(block.rows, inside)].sum(axis=0)
         samples = self._bridged(data, positions, steps)
         self._position, self._last_row, self._last_values = int(positions[-1]), int(rows[-1]), data[-1]
         self.samples += len(samples)
@@ -205,7 +209,9 @@ class GridBuilder:
         if usable.all():
             return None
         wrong = np.flatnonzero(~usable)
-        described = [(int(block.rows[i]), self._why(block.values[i], data[i])) for i in wrong[:DESCRIBED]]
+        # In a window the first ones may lie before it.
+        shown = wrong if self._options.window and self._position < self._window[1] else wrong[:DESCRIBED]
+        described = [(int(block.rows[i]), self._why(block.values[i], data[i])) for i in shown]
         if len(wrong) > len(data) / 2:
             row, why = described[0]
             raise InputError(
@@ -250,7 +256,8 @@ class GridBuilder:
             ordered[:-1] &= ~(falls_back & (step[:-1] > 1.5 * interval))
             latest = np.maximum.accumulate(np.concatenate([start, np.where(ordered, unwrapped, -np.inf)]))[:-1]
             ordered &= unwrapped > latest
-            for i in np.flatnonzero(~ordered)[:DESCRIBED]:
+            disordered = np.flatnonzero(~ordered)
+            for i in disordered if self._options.window else disordered[:DESCRIBED]:
                 way = "repeats" if step[i] == 0 else "runs backwards" if step[i] < 0 else "leaps"
                 title = self._source.clock.name if self._source.clock else ""
                 reasons.append((int(rows[i]), f"time {way}: {title} is {time[i]:.10g} after {time[i] - step[i]:.10g}"))
@@ -328,8 +335,8 @@ class GridBuilder:
         self.rows_dropped += int(inside.sum())
         if self._last_values is None:
             self.leading += int((places == 0).sum())
-        counted = set(bad[inside].tolist())
-        self._described += [reason for reason in sorted(reasons) if reason[0] in counted]
-        del self._described[DESCRIBED:]
+        known = dict(sorted(reasons, reverse=True))  # of two reasons of a row the first one
+        counted = np.sort(bad[inside])[: DESCRIBED - len(self._described)].tolist()
+        self._described += [(row, known.get(row, "it does not hold a usable number in each column")) for row in counted]
         if not self._options.drop_bad_rows and self.rows_dropped > PATIENCE:
             self.raise_bad()

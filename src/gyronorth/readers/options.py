@@ -42,13 +42,15 @@ class ReadOptions:
     boresight: tuple[float, float, float] = (0.0, 0.0, 0.0)  # roll, pitch, yaw of the sensor in the vehicle, rad
     gyro_unit: str | None = None  # deg/s, rad/s or deg/h
     accel_unit: str | None = None  # m/s2 or g
-    increments: bool = False  # values are angle and velocity per sample: divide by the sample interval
+    increments: bool | None = None  # values are angle and velocity per sample: divide by the sample interval
     columns: Mapping[str, str | int] | None = None  # our name -> name or number (from 0) in the file, "-" to ignore it
     variable: str | None = None  # name of the array in a .mat file, of a dataset or group in HDF5
     topic: str | None = None  # name of the topic in a bag of ROS or an MCAP file
     latitude: float | None = None  # geodetic latitude, rad
     drop_bad_rows: bool = False  # leave out rows that cannot be used, and count them
     protocol: str | None = None  # of a capture of frames; by default it is recognised by its checksums
+    imu: str | None = None  # of NovAtel RAWIMU and RAWIMUS: the type of the IMU, as STIM300
+    accel_range_g: float | None = None  # of STIM datagrams: 5, 10, 30 or 80 g
     format: str | None = None  # name of the format; by default from suffix and content
     window: tuple[float, float] | None = None  # only [start, end) of the file, s from its first sample
 

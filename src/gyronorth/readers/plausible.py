@@ -87,6 +87,28 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
         )
 
 
+def check_flags(flagged: NDArray[np.int64], samples: int, *, name: str) -> tuple[Note, ...]:
+    """What the unit itself says of its samples; each is a reason.
+
+    `flagged` (2,) counts the samples, as `FLAGS`.
+    """
+    ranged, faulty = (int(count) for count in flagged)
+    notes: list[Note] = []
+    if ranged:
+        message = (
+            f"{name} marks {ranged} of {samples} samples as at the end of the range: a clipped signal has another "
+            "mean. Take a larger range, or leave the shock out (--window)."
+        )
+        notes.append(Note("saturated", message, float(ranged), 0.0))
+    if faulty:
+        message = (
+            f"{name} marks {faulty} of {samples} samples as not to be trusted: the unit is starting up, or reports an "
+            "error. Leave that part out (--window; live: Start), and see the unit's manual if it stays."
+        )
+        notes.append(Note("sensor_fault", message, float(faulty), 0.0))
+    return tuple(notes)
+
+
 def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -> tuple[Note, ...]:
     """Which axis gravity lies along, against the axes: no note, or one `axes_suspect`.
 

@@ -15,7 +15,7 @@ from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import Declared, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.plausible import check_axes, check_flags, check_units
 from gyronorth.readers.registry import open_source
 from gyronorth.readers.source import Source
 from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
@@ -76,10 +76,9 @@ def read(
         If the file is damaged, or what it holds cannot be or is not known.
     """
     reading = Reading(path, options_of(options, declared), progress)
-    pieces = [samples for samples in reading.samples() if len(samples)]
+    samples = _joined(reading.samples())
     regulariser = reading.regulariser
     regulariser.finish()
-    samples = np.concatenate(pieces)
     notes = reading.check(samples)
     return reading.recording(
         samples, first=0, gaps=tuple(regulariser.gaps), rows_dropped=regulariser.rows_dropped, notes=notes
@@ -244,7 +243,7 @@ class Reading:
         """Rate and specific force (n, 3) of samples in file axes; None without an accelerometer."""
         parts = [samples[:, :3], *([samples[:, 3:]] if samples.shape[1] == 6 else [])]
         mat = self.declared.mat_vf
-        gyro, *accel = (np.ascontiguousarray(part if mat is None else in_axes(part, mat)) for part in parts)
+        gyro, *accel = (part if mat is None else in_axes(part, mat) for part in parts)
         return gyro, accel[0] if accel else None
 
     def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
@@ -253,6 +252,7 @@ class Reading:
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
+        notes += check_flags(self.regulariser.flagged, self.regulariser.samples, name=self.source.name)
         if self.regulariser.jitter > JITTER:
             message = (
                 f"The time stamps of {self.source.name} scatter by {self.regulariser.jitter:.2f} sample intervals "
@@ -260,6 +260,20 @@ class Reading:
             )
             notes += (Note("time_jitter", message, value=self.regulariser.jitter, limit=JITTER),)
         return notes
+
+
+def _joined(pieces: Iterator[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The pieces (m, k) as one array, without holding both: what they fill grows where it lies."""
+    joined, count = np.empty((0, 3)), 0
+    for piece in pieces:
+        if joined.shape[1] != piece.shape[1]:
+            joined = np.empty((0, piece.shape[1]))
+        if count + len(piece) > len(joined):
+            joined.resize((max(count + len(piece), len(joined) + len(joined) // 8), piece.shape[1]), refcheck=False)
+        joined[count : count + len(piece)] = piece
+        count += len(piece)
+    joined.resize((count, joined.shape[1]), refcheck=False)
+    return joined
 
 
 def options_of(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOptions:

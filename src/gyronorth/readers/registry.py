@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError
+from gyronorth.readers.budget import counted, open_apart, size_of
 from gyronorth.readers.format import LOOK, Format
 from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.options import ReadOptions
@@ -118,13 +120,24 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
             raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
         if options.columns and not info.takes_columns:
             raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
-        return FORMATS[name].open(path, options)
+        return _opened(FORMATS[name], path, options)
     except FileNotFoundError:
         raise InputError(f"There is no file {path}.") from None
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} cannot be read: {error}.") from None
+
+
+def _opened(chosen: Format, path: Path, options: ReadOptions) -> Source:
+    """A recording within its budget, decoded in a process of its own where foreign code does it."""
+    size = size_of(path) if path.exists() else 0
+    if not chosen.foreign:
+        return counted(chosen.open(path, options), size)
+    with suppress(ImportError):  # the reader says what is missing
+        for module in chosen.foreign:  # once, not in each child
+            import_module(module)
+    return counted(open_apart(lambda: chosen.open(path, options), name=path.name, size=size), size)
 
 
 def _check_unpacked(path: Path) -> None:
@@ -168,10 +181,10 @@ def recordings_in(folder: str | Path) -> list[Path]:
             "in it or in the folders below it (hidden ones do not count). Check the path, or `gyronorth convert` yours "
             "first."
         )
-    return sorted(found, key=_natural)
+    return sorted(found, key=natural_order)
 
 
-def _natural(path: Path) -> tuple[object, ...]:
+def natural_order(path: Path) -> tuple[object, ...]:
     """x_8.0.csv before x_15.0.csv: runs of digits count as numbers."""
     import re
 

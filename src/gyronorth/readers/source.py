@@ -15,6 +15,8 @@ TIME = "t"
 RATES = ("w_x", "w_y", "w_z")
 FORCES = ("f_x", "f_y", "f_z")
 NAMES = (TIME, *RATES, *FORCES)
+#: What a unit says of its own samples: an output is at the end of its range, is not to be trusted.
+FLAGS = ("saturated", "sensor_fault")
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,7 @@ class Block:
     rows: NDArray[np.int64]  # (m,) row numbers as the user counts them
     bad: Bad  # rows between these that do not hold the right number of numbers
     share: float = 0.0  # of the file that is read with this block; 0 where it cannot be told
+    flags: NDArray[np.bool_] | None = None  # (m, 2) what the unit says of the rows, as `FLAGS`
     cut_off: bool = False  # the file of a live recording ends in the middle of a line, which is left out
 
 
@@ -94,6 +97,7 @@ class Source:
     usual: Facts = Facts()  # what its format implies: a declaration overrules it
     clock: Clock | None = None  # meaning of column t; None when there is none
     ours: bool = False  # written by gyronorth, in SI
+    decoded: bool = False  # from frames, in SI: declared units and increments belong to their decoding
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read

@@ -14,7 +14,7 @@ import math
 import re
 import shutil
 from collections.abc import Mapping
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -25,7 +25,7 @@ from gyronorth.readers.facts import SIGNATURE, is_number, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
+from gyronorth.readers.source import FLAGS, FORCES, NAMES, RATES, TIME, Block, Clock, Facts, Source
 from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
 
 #: What a live recording states of itself: its last line may be cut off, and marks stand between its rows.
@@ -68,20 +68,30 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         found = choose_columns(header if not numeric else len(titles), options.columns, OUR_TITLES, path.name)
         offset, row = head.offset, head.row
     columns = tuple(name for name in NAMES if name in found)
-    layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing, mark=MARK if live else None)
+    flags = tuple(titles.index(name) for name in FLAGS if live and name in titles)
+    use = (*(found[name] for name in columns), *flags)
+    layout = Layout(tuple(titles), use, ",", trailing, mark=MARK if live else None)
+    parts = text_parts(path, offset, row, layout)
     heading = published_heading(path) if tuple(titles) == _PUBLISHED_TITLES else None
     published = heading is not None and facts == Facts()
     return Source(
         format="published" if published else "csv",
         name=path.name,
         columns=columns,
-        blocks=partial(text_blocks, path, offset, row, layout),
+        blocks=lambda: (_flags_apart(block, len(columns)) for block in text_blocks(path, offset, row, layout)),
         stated=Facts(heading_true=heading) if published else facts,
         usual=_PUBLISHED if published else Facts(),
         clock=Clock(unit=1.0, name=titles[found[TIME]]) if TIME in found else None,
         ours=ours,
-        parts=text_parts(path, offset, row, layout),
+        parts=replace(parts, read=lambda share: _flags_apart(parts.read(share), len(columns))),
     )
+
+
+def _flags_apart(block: Block, columns: int) -> Block:
+    """Of the recording of a unit's frames: what the unit says of its samples stands behind the columns."""
+    if block.values.shape[1] == columns:
+        return block
+    return replace(block, values=block.values[:, :columns], flags=block.values[:, columns:] != 0)
 
 
 def published_heading(path: Path) -> float | None:

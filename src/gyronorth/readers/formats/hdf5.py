@@ -224,4 +224,10 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-FORMAT = Format(format_info("hdf5"), open_hdf5, recognises=lambda head: head.startswith(SIGNATURE), write=write_hdf5)
+FORMAT = Format(
+    format_info("hdf5"),
+    open_hdf5,
+    recognises=lambda head: head.startswith(SIGNATURE),
+    write=write_hdf5,
+    foreign=("h5py",),
+)

@@ -6,14 +6,17 @@ Versions 5 to 7 are read here; version 7.3 is HDF5 and goes to its reader.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.budget import check_claim, open_apart
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.hdf5 import is_hdf5, open_hdf5
 from gyronorth.readers.mat5 import MatError, Variable, is_level5, matrix, variables
@@ -28,7 +31,10 @@ _BLOCK_ROWS = 1 << 14
 def open_mat(path: Path, options: ReadOptions) -> Source:
     """Open a MATLAB file."""
     if is_hdf5(path):
-        return replace(open_hdf5(path, options), format="mat")
+        with suppress(ImportError):  # the reader says that it is missing
+            import_module("h5py")  # once, not in each child
+        source = open_apart(lambda: open_hdf5(path, options), name=path.name, size=path.stat().st_size)
+        return replace(source, format="mat")
     if path.stat().st_size > LARGEST:
         raise InputError(f"{path.name} is larger than {LARGEST >> 20} MiB; split it.")
     content = path.read_bytes()
@@ -40,7 +46,7 @@ def open_mat(path: Path, options: ReadOptions) -> Source:
     try:
         found = variables(content)
         variable = _chosen(found, options.variable, path.name)
-        positions = _positions(variable, options, path.name)
+        positions = _positions(variable, options, path.name, len(content))
         data = matrix(content, variable)
     except MatError as error:
         raise InputError(f"{path.name} cannot be read, {error}: it is damaged or cut off.") from None
@@ -68,8 +74,8 @@ def _chosen(found: dict[str, Variable], wanted: str | None, name: str) -> Variab
     return found[wanted]
 
 
-def _positions(variable: Variable, options: ReadOptions, name: str) -> dict[str, int]:
-    """Our columns by number, once the array is known to be samples x columns."""
+def _positions(variable: Variable, options: ReadOptions, name: str, size: int) -> dict[str, int]:
+    """Our columns by number, once the array in a file of `size` bytes is known to be samples x columns."""
     what = f"Variable {variable.name} of {name}"
     if not variable.numeric or len(variable.shape) != 2:
         raise InputError(
@@ -80,6 +86,7 @@ def _positions(variable: Variable, options: ReadOptions, name: str) -> dict[str,
         raise InputError(
             f"{what} has {rows} rows and {columns} columns; samples are expected to be its rows: transpose it."
         )
+    check_claim(name, f"variable {variable.name}", 8 * rows * columns, size)
     if 8 * rows * columns > LARGEST:
         raise InputError(f"{what} has {rows} x {columns} numbers, more than {LARGEST >> 20} MiB; split it.")
     if not options.columns:

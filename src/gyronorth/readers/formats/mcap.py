@@ -140,4 +140,10 @@ def _messages(
             yield message.log_time, message.data
 
 
-FORMAT = Format(format_info("mcap"), open_mcap, recognises=lambda head: head.startswith(b"\x89MCAP"), write=write_mcap)
+FORMAT = Format(
+    format_info("mcap"),
+    open_mcap,
+    recognises=lambda head: head.startswith(b"\x89MCAP"),
+    write=write_mcap,
+    foreign=("mcap.reader",),
+)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.budget import check_claim
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
@@ -119,6 +120,7 @@ def _member(archive: zipfile.ZipFile, key: str, path: Path) -> NDArray[Any]:
             f"{path.name}: {key} claims {info.file_size} bytes, which the file cannot hold or which exceed "
             f"{LARGEST_ARRAY >> 20} MiB: it is damaged."
         )
+    check_claim(path.name, key, info.file_size, path.stat().st_size)
     content = BytesIO(archive.read(info))
     version = np.lib.format.read_magic(content)
     if version not in _HEADERS:

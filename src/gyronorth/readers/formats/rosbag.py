@@ -127,6 +127,7 @@ def _open_database(path: Path, options: ReadOptions) -> Source:
     """A database alone: the messages of many are not counted one by one, topics are drawn."""
     _check_whole(path)
     with _connected(path.name, [path]) as (database,):
+        _check_tables(database, path.name)
         names = database.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()
         (total,) = database.execute("SELECT COUNT(*) FROM messages").fetchone()
         (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
@@ -203,6 +204,8 @@ def _from_databases(
 ) -> Iterator[tuple[int, bytes]]:
     """What `_messages` gives."""
     with _connected(name, databases) as opened:
+        for database in opened:
+            _check_tables(database, name)
         first = [database.execute("SELECT MIN(timestamp) FROM messages").fetchone()[0] for database in opened]
         for i in sorted((i for i, time in enumerate(first) if time is not None), key=lambda i: first[i]):
             yield from opened[i].execute(
@@ -221,6 +224,14 @@ def _connected(name: str, databases: list[Path]) -> Iterator[list[sqlite3.Connec
             uri = f"{path.resolve().as_uri()}?immutable=1"
             opened.append(stack.enter_context(closing(sqlite3.connect(uri, uri=True))))
         yield opened
+
+
+def _check_tables(database: sqlite3.Connection, name: str) -> None:
+    """Only tables are read: a view is a program, which need not end."""
+    kinds = dict(database.execute("SELECT name, type FROM sqlite_master WHERE name IN ('topics', 'messages')"))
+    if set(kinds.values()) != {"table"} or len(kinds) != 2:
+        found = ", ".join(f"{key} is a {kind}" for key, kind in kinds.items()) or "neither is there"
+        raise InputError(f"{name} is no bag of ROS 2: the tables topics and messages are expected; {found}.")
 
 
 def _counted(database: sqlite3.Connection) -> dict[int, int]:
@@ -278,6 +289,7 @@ FORMATS = {
         open_rosbag1,
         recognises=lambda head: head.startswith(b"#ROSBAG "),
         write=write_rosbag1,
+        foreign=("rosbags.rosbag1",),
     ),
-    "rosbag2": Format(format_info("rosbag2"), open_rosbag2),
+    "rosbag2": Format(format_info("rosbag2"), open_rosbag2, foreign=("rosbags.rosbag2",)),
 }
