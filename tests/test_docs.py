@@ -222,7 +222,7 @@ def test_command_reference_has_every_option():
     text = script("command_reference").reference()
     commands = typer.main.get_command(app).commands
     assert "\x1b" not in text
-    assert "`FILE|FOLDER`" in text  # no bar is escaped within code
+    assert "`OUT.csv|.parquet`" in text  # no bar is escaped within code
     for name, command in commands.items():
         assert f"## gyronorth {name}\n" in text
         for parameter in command.params:

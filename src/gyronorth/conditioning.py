@@ -299,18 +299,15 @@ def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float)
         middle_tilt, slope_tilt = _line(_tilts(accel_b, turn), count)
         tilts = _tilts(accel_b, turn)
     for (time, angle), (_, tilt) in zip(_angles(gyro_b, turn, rate_hz), tilts, strict=True):
-        angle -= middle
-        angle -= time[:, None] * slope
+        angle -= middle + time[:, None] * slope
         square += np.einsum("...tk,...tk->...k", angle, angle)
         peak = np.maximum(peak, np.einsum("...tk,...tk->...t", angle, angle).max(axis=-1))
         if tilt is not None:
-            tilt -= middle_tilt
-            tilt -= time[:, None] * slope_tilt
+            tilt -= middle_tilt + time[:, None] * slope_tilt
             product += np.einsum("...tk,...tk->...", tilt, angle[..., :2])
             tilt -= angle[..., :2]
             transform += _harmonics(time, count) @ tilt
-    seen = accel_b is not None
-    nothing = np.full(lead, np.nan)
+    seen, nothing = accel_b is not None, np.full(lead, np.nan)
     return Sway(
         gyro_variance=square[..., :2].sum(axis=-1) / (2 * count),
         tilt_variance=product / (2 * count) if seen else nothing,
@@ -338,10 +335,7 @@ def _angles(gyro_b: Array, turn: Array, rate_hz: float) -> Iterator[tuple[Array,
         angle = np.cumsum(rate, axis=-2)
         angle += before
         before = angle[..., -1:, :].copy()
-        rate /= 2
-        angle -= rate
-        angle /= rate_hz
-        yield time, angle
+        yield time, (angle - rate / 2) / rate_hz
 
 
 def _tilts(accel_b: Array, turn: Array) -> Iterator[tuple[Array, Array]]:

@@ -107,7 +107,9 @@ def _filesystem(url: str) -> tuple[Any, str]:
     try:
         return url_to_fs(url)
     except ImportError as error:
-        raise InputError(f"{url}: {_short(error)}. Install it with: pip install 'gyronorth[cloud]'.") from None
+        raise InputError(
+            f"{url} needs a package that is not installed ({_short(error)}). Install it beside 'gyronorth[cloud]'."
+        ) from None
     except ValueError as error:
         raise InputError(f"{url} cannot be opened: {_short(error)}. Check how it begins, as in s3://.") from None
 
