@@ -6,13 +6,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
-EXTRAS := learned,train,io,live,scale,dev
+EXTRAS := report,learned,train,io,live,scale,dev
 DEMO := examples/data/demo.npz
 # The limit of the small install, in MB (`make demo` on its own, before `make test`).
 DEMO_SIZE_LIMIT := 450
 
 .DELETE_ON_ERROR:
-.PHONY: browser demo test fast long check examples docs outputs pictures readme demo-recording size audit constraints clean
+.PHONY: browser demo test fast long check examples docs outputs pictures readme demo-recording size release-check oldest audit constraints clean
 
 demo: .venv/.demo
 	@mkdir -p out
@@ -63,13 +63,26 @@ readme: .venv/.all
 
 demo-recording: .venv/.demo
 	$(BIN)/gyronorth simulate --sensor sdc500 --latitude 32.11 --heading 40 --roll 1.5 --pitch -0.8 \
-		--duration 100 --rate 50 --seed 1 -o $(DEMO)
+		--duration 100 --rate 50 --seed 1 -o $(DEMO) --force
 
 # Meaningful after `make demo` alone: once the test extras are in, there is nothing to check.
 size:
 	@if [ -e .venv/.all ]; then echo "size: skipped, all extras are installed"; else \
 	size=$$(du -sm .venv | cut -f1); echo "size of .venv: $$size MB, limit $(DEMO_SIZE_LIMIT) MB"; \
 	[ "$$size" -le $(DEMO_SIZE_LIMIT) ]; fi
+
+# What a release needs: built twice with one result, checked, installed in fresh environments of every Python here.
+release-check: .venv/.all
+	$(BIN)/python packaging/release_check.py
+
+# The fast tests with the lower bounds of pyproject.toml, in an environment of their own. Old packages warn of newer
+# Pythons; tests that repeat a seed's figures run only with the pinned numpy.
+OLDEST := numpy==1.26.0 scipy==1.12.0 typer==0.17.5 rich==13.7.0 pydantic==2.7.0 matplotlib==3.8.0 jinja2==3.1.0
+oldest:
+	rm -rf out/oldest && mkdir -p out && python3.11 -m venv out/oldest
+	out/oldest/bin/pip install -q $(OLDEST) -e ".[report]" pytest pytest-xdist pytest-benchmark hypothesis jsonschema pynmeagps
+	out/oldest/bin/python -m pytest -q -n 2 -m "not slow and not long" -o filterwarnings=default \
+		--ignore=src --ignore=tests/live --ignore=tests/learn --ignore=tests/frames
 
 # Known vulnerabilities of the pinned packages. Needs a vulnerability service on the network, so CI does not run it.
 audit: .venv/.all
@@ -89,7 +102,7 @@ constraints:
 # --no-compile: Python compiles what it imports; compiling everything costs 96 MB of the small install.
 .venv/.demo: pyproject.toml constraints.txt | .venv/bin/python
 	$(PIP) --no-compile hatchling editables
-	$(PIP) --no-compile --no-build-isolation --editable ".[learned]"
+	$(PIP) --no-compile --no-build-isolation --editable ".[report,learned]"
 	@touch $@
 
 .venv/.all: .venv/.demo

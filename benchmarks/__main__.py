@@ -1,6 +1,7 @@
 """Run all benchmarks, or those named: `python -m benchmarks [generation allan ...] [--rounds N] [--json FILE]`.
 
-One thread, CPU time, candidates interleaved; exit code 1 if a promised ratio was missed.
+`python -m benchmarks league` compares errors and claims, not times. One thread, CPU time, candidates interleaved;
+exit code 1 if a promised ratio was missed.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from pathlib import Path
 from benchmarks.comparison import Result, run
 
 #: Modules of this folder that compare nothing.
-OTHERS = ("__main__", "comparison", "live_soak")
+OTHERS = ("__main__", "comparison", "league", "live_soak")
 
 
 def main() -> int:
     """Run, print, and tell whether every promise was kept."""
+    if sys.argv[1:2] == ["league"]:
+        return importlib.import_module("benchmarks.league").main(sys.argv[2:])
     package = Path(__file__).parent
     found = [m.name for m in pkgutil.iter_modules([str(package)]) if m.name not in OTHERS]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Speed beside peers, as ratios.")

@@ -14,7 +14,9 @@ import typer.main
 from mkdocs.structure.files import File, Files
 
 from gyronorth.cli import app
+from gyronorth.cli.app import PANEL
 from gyronorth.cli.options import FILE
+from gyronorth.cli.tasks import ABOUT
 
 PAGE = "reference/commands.md"
 INTRODUCTION = """# Command reference
@@ -40,6 +42,8 @@ def reference() -> str:
     group: Any = typer.main.get_command(app)
     shared: dict[str, Any] = {}
     lines = [line for name in group.commands for line in command(name, group.commands[name], shared)]
+    every = [option for option in group.commands["heading"].params if getattr(option, "rich_help_panel", "") == PANEL]
+    lines += [f"## {PANEL}\n", "These belong to every command.\n", *table(PANEL, every)]
     return "\n".join([INTRODUCTION, *lines, f"## {FILE}\n", "These belong to every command that reads recordings.\n",
                       *table(FILE, list(shared.values()))])  # fmt: skip
 
@@ -53,10 +57,14 @@ def command(name: str, found: Any, shared: dict[str, Any]) -> Iterator[str]:
     yield f"## gyronorth {name}\n"
     yield "```text\n" + " ".join([*words, "[OPTIONS]"]) + "\n```\n"
     yield re.sub(r"(?<=\S)\n(?=\S)", " ", found.help.strip()) + "\n"
+    _, examples = ABOUT.get(name, (None, ()))
+    if examples:
+        yield "```text\n" + "\n".join(examples) + "\n```\n"
     panels: dict[str, list[Any]] = {"Arguments": arguments} if arguments else {}
     for option in options:
         panels.setdefault(option.rich_help_panel or OTHERS, []).append(option)
     about_file = panels.pop(FILE, [])
+    panels.pop(PANEL, None)
     shared.update({option.name: option for option in about_file})
     for panel, parameters in panels.items():
         yield from table(panel, parameters)

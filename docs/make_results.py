@@ -9,7 +9,8 @@ holds no result; everything else comes from docs/results/data/<benchmark>/<study
 
     {{study | table | row | column}}
 
-becomes a cell of a study: `table` is the table's title or its beginning, `row` its first cell. A block
+becomes a cell of a study: `table` is the table's title or its beginning, `row` its first cell, or its first two with
+` & ` between them. A block
 
     ```claims
     what is claimed | study | table | row | column | <= 0.45
@@ -33,6 +34,7 @@ from gyronorth.report.study_figures import FIGURES, study_figure
 from gyronorth.studies.benchmark import STUDIES
 from gyronorth.studies.study import StudyPlan
 from gyronorth.studies.tables import Table, cell_text, rows_markdown
+from gyronorth.studies.tables import verdict as within
 
 PAGES = Path(__file__).parent / "results"
 NAMED = {study.name: study for study in STUDIES}
@@ -94,7 +96,7 @@ def cell(studies: dict[str, Study], study: str, title: str, row: str, column: st
     """One cell; whatever is not there exactly once is an error."""
     named = [t for t in studies[study]["tables"] if t["title"].startswith(title)]
     tables = [table_of(t) for t in [t for t in named if t["title"] == title] or named]
-    found = [r for t in tables for r in t.rows if r[0] == row]
+    found = [r for t in tables for r in t.rows if row in (r[0], f"{r[0]} & {r[1]}")]
     if len(tables) != 1 or len(found) != 1 or column not in tables[0].columns:
         sys.exit(f"{study} has {len(tables)} tables {title!r} and {len(found)} rows {row!r}, column {column!r}.")
     return found[0][tables[0].columns.index(column)]
@@ -130,13 +132,9 @@ def limit_text(limit: str) -> str:
 
 
 def verdict(found: Any, limit: str) -> str:
-    """Whether a figure is within its limit, and whether its whole interval is on the same side."""
+    """Whether a figure with its interval is within its limit, in three words."""
     low, high = bounds(limit)
-    interval = found if isinstance(found, Interval) else Interval(found, found, found)
-    inside = [low <= value <= high for value in (interval.value, interval.low, interval.high)]
-    if inside[0]:
-        return "holds" if all(inside) else "holds; the interval reaches beyond"
-    return "**does not hold**" + ("; the interval reaches within" if any(inside) else "")
+    return within(found, low=low, high=high)
 
 
 def draw(benchmark: str, studies: dict[str, Study]) -> None:

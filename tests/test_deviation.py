@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -211,3 +212,52 @@ def test_priors_of_the_ablations_take_one_thing_away():
         fit_deviation(*recordings(10, np.random.default_rng(13)), prior=PRIORS["no coupling"]).structure()["coupling"]
         == 0
     )
+
+
+def changed(fields, name, value):
+    if isinstance(value, list) and name in ("settings", "noise_variance"):
+        return fields | {name: [value, *fields[name][1:]]}
+    if isinstance(fields[name], list) and not isinstance(value, list):
+        return fields | {name: [value, *fields[name][1:]]}
+    return fields | {name: value}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("error", np.nan),
+        ("heading", np.inf),
+        ("error", 4.0),
+        ("surplus", -1.5),
+        ("noise_future", -1e-4),
+        ("noise_future", 0.0),
+        ("weight", -0.1),
+        ("weight", 0.9),
+        ("settings", [0.1, 0.1, 0.0, 0.1]),
+        ("settings", [0.1, 0.1, 0.3]),
+        ("noise_variance", [1e-4]),
+        ("noise_variance", [-1e-4] * 7),
+        ("sigma_elsewhere", np.nan),
+        ("sigma_elsewhere", "much"),
+        ("surplus", [0.0, 0.1]),
+        ("latitude", 32.11),
+        ("duration", 0.0),
+        ("boresight", [0.0, np.nan, 0.0]),
+    ],
+)
+def test_a_number_out_of_its_bounds_or_shape_is_refused_by_its_name(tmp_path, name, value):
+    path = tmp_path / "d.json"
+    fit_deviation(*recordings(7, np.random.default_rng(14)), prior=FAST).write(path)
+    read_deviation(path)
+    fields = changed(json.loads(path.read_text()), name, value)
+    path.write_text(json.dumps(fields))
+    with pytest.raises(InputError, match=rf"not a deviation profile .*{name}"):
+        read_deviation(path)
+
+
+def test_a_file_of_nested_brackets_or_of_no_text_is_refused(tmp_path):
+    path = tmp_path / "d.json"
+    for content in (b"[" * 100_000, b"\xff\xfe\x00", b"{" + b'"schema": 1,' * 1000):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="not a deviation profile"):
+            read_deviation(path)

@@ -222,7 +222,7 @@ def test_command_reference_has_every_option():
     text = script("command_reference").reference()
     commands = typer.main.get_command(app).commands
     assert "\x1b" not in text
-    assert "`FILE|FOLDER`" in text  # no bar is escaped within code
+    assert "`OUT.csv|.parquet`" in text  # no bar is escaped within code
     for name, command in commands.items():
         assert f"## gyronorth {name}\n" in text
         for parameter in command.params:
@@ -300,7 +300,7 @@ def test_every_requirement_is_pinned():
         *(name for extra in project["optional-dependencies"].values() for name in extra),
     ]
     missing = {name for line in wanted if (name := normal(re.split(r"[\[<>=;]", line)[0])) not in pinned}
-    assert not missing
+    assert missing <= {"gyronorth", "gyronorth-bundles"}  # made here
 
 
 def normal(name: str) -> str:

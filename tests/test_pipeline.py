@@ -59,7 +59,7 @@ def test_json_has_the_keys_of_the_contract_in_order():
         "schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg "
         "pitch_deg latitude_deg sensor duration_s rate_hz end_time_utc poses sigma_parts_deg gyro_bias_deg_h "
         "rate_mean_deg_h rate_norm_deg_h implied_latitude_deg gyro_bias_sigma_deg_h scale_factor_ppm "
-        "scale_factor_sigma_ppm disturbance"
+        "scale_factor_sigma_ppm disturbance fitness"
     )
     assert list(estimate.to_json()) == keys.split()
     assert json.loads(json.dumps(estimate.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"
@@ -440,3 +440,54 @@ def test_a_slow_turn_between_two_poses_is_named_as_what_it_is():
         "isa100c", latitude=0.8, heading=1.0, duration=105, rate_hz=10, rng=np.random.default_rng(0), motion=motion
     )
     assert heading(slow, sensor="isa100c").method_reason == "2 poses and 1 steady rotation"
+
+
+def test_a_required_sigma_refuses_a_larger_one_and_says_what_is_needed():
+    plain = heading(recorded(), sensor="sdc500")
+    assert plain.valid
+    assert plain.fitness == "valid"
+    above, below = (heading(recorded(), sensor="sdc500", require_sigma=plain.sigma * f) for f in (1.01, 0.99))
+    assert above == plain or above.to_json() == plain.to_json()
+    assert [reason.code for reason in below.reasons] == ["sigma_required"]
+    assert below.fitness == "degraded"
+    assert (below.reasons[0].value, below.reasons[0].limit) == pytest.approx(
+        (plain.sigma_deg, plain.sigma_deg * 0.99), rel=1e-12
+    )
+    for wrong in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="sigma required"):
+            heading(recorded(), sensor="sdc500", require_sigma=wrong)
+
+
+def test_a_recording_too_short_is_aligning_with_a_required_sigma_as_without():
+    tiny = Recording(np.full((7, 3), 1e-5), np.tile([0, 0, -9.8], (7, 1)), 10.0, latitude=0.5)
+    for limit in (None, 0.01):
+        assert heading(tiny, require_sigma=limit).fitness == "aligning"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"heading": np.nan},
+        {"heading": np.inf},
+        {"sigma": np.nan},
+        {"sigma": 0.0},
+        {"sigma": -0.1},
+        {"sigma": None},
+        {"heading": None},
+        {"interval95": (0.0, np.nan)},
+    ],
+)
+def test_a_valid_estimate_has_finite_numbers_and_a_sigma_above_zero(change):
+    good = heading(recorded(), sensor="sdc500")
+    assert good.checked() is good
+    found = replace(good, **change).checked()
+    assert [reason.code for reason in found.reasons] == ["not_finite"]
+    assert (found.heading, found.sigma, found.interval95, found.fitness) == (None, None, (0.0, 2 * np.pi), "invalid")
+
+
+@pytest.mark.parametrize("given", [{"attitude": (np.nan, 0.0)}, {"attitude": (0.0,)}, {"turn_angles": (np.inf,)}])
+def test_given_angles_are_finite(given):
+    with pytest.raises(InputError, match=r"finite angles|two angles"):
+        heading(recorded(), sensor="sdc500", **given)
+    with pytest.raises(InputError, match="three finite rates"):
+        recorded().without_bias((0.0, np.nan, 0.0))

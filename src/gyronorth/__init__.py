@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from gyronorth.estimate import HeadingBatch as HeadingBatch
     from gyronorth.estimate import HeadingEstimate as HeadingEstimate
     from gyronorth.findings import Finding as Finding
+    from gyronorth.many import heading_many as heading_many
     from gyronorth.pipeline import convergence as convergence
     from gyronorth.pipeline import heading as heading
     from gyronorth.pipeline import heading_batch as heading_batch
@@ -58,6 +59,7 @@ _HOMES = {
     "convergence": "pipeline",
     "heading": "pipeline",
     "heading_batch": "pipeline",
+    "heading_many": "many",
     "plan": "planning",
     "plan_turns": "planning",
     "read": "readers",
@@ -86,6 +88,7 @@ __all__ = [
     "convergence",
     "heading",
     "heading_batch",
+    "heading_many",
     "plan",
     "plan_turns",
     "read",

@@ -3,13 +3,29 @@
 The level frame l is the navigation frame turned by the heading about the vertical: its x
 axis is the body x axis laid level, its z axis points down. T_n^b of the paper (eq:2) is
 `mat_bn`; `mat_lb` undoes pitch and roll only.
+
+Orientation for estimators
+--------------------------
+- n is north-east-down, b forward-right-down; quaternions are (x, y, z, w), Hamilton's, w real.
+- `quaternion` and `matrix` take body vectors to n: v_n = matrix @ v_b.
+- The error is a small rotation in n: the true matrix is exp([e x]) matrix, e = (about north, about east, about down),
+  rad. `covariance` is that of e: its last diagonal entry is sigma^2 of the heading, as a turn about down raises it.
+- `yaw_enu` is the angle of the forward axis from east, counter-clockwise, in [-pi, pi): pi / 2 - heading.
+
+A levelling error e_N about north turns the vertical Earth rate into the horizontal, so that a heading that is read from
+the mean rate has e_D = -tan(latitude) e_N beside its other errors: the covariance of both is -tan(latitude) of the
+variance of e_N.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gyronorth.angles import wrap
 from gyronorth.arrays import Array
 
 
@@ -127,6 +143,13 @@ def from_rotation_vector(phi: Array) -> Array:
     return np.concatenate([phi / 2 * np.sinc(half / np.pi), np.cos(half)], axis=-1)
 
 
+def quaternion_nb(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
+    """Quaternion (x, y, z, w) that takes body vectors to the navigation frame, shape (..., 4): mat_bn transposed."""
+    angles = np.stack(np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (roll, pitch, heading))), axis=-1)
+    about_x, about_y, about_z = (from_rotation_vector(angles[..., i : i + 1] * np.eye(3)[i]) for i in range(3))
+    return multiply(about_z, multiply(about_y, about_x))
+
+
 def attitude_path(gyro_b: Array, *, rate_hz: float) -> tuple[Array, Array]:
     """Attitude of the body against its start, by integrating the gyro.
 
@@ -164,3 +187,79 @@ def attitude_path(gyro_b: Array, *, rate_hz: float) -> tuple[Array, Array]:
         before[..., j, :] = multiply(before[..., j - 1, :], path[..., j - 1, -1, :])
     end = multiply(before[..., None, :], path).reshape(*gyro_b.shape[:-2], count * size, 4)[..., :n, :]
     return multiply(end, from_rotation_vector(-step / 2)), end
+
+
+#: Below this latitude, rad, the share of levelling in the heading does not tell how well it is level.
+FLAT = 1e-3
+#: Methods whose heading is read from the mean rate, so that an error of level is in it.
+FROM_THE_RATE = ("mean", "inertial", "bayes", "learned", "posterior")
+#: Quaternion from n to east-north-up, and from forward-left-up to b: half turns about (1, 1, 0) and about x.
+_ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+_FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """An attitude and how well it is known."""
+
+    quaternion: Array  # (4,) x, y, z, w: body to north-east-down
+    matrix: Array  # (3, 3) the same
+    covariance: Array | None  # (3, 3) of the error about north, east, down, rad^2; None: the level's is not known
+    yaw_enu: float  # rad in [-pi, pi)
+
+    @property
+    def quaternion_enu(self) -> Array:
+        """Forward-left-up to east-north-up, as in `sensor_msgs/Imu` by REP 103, shape (4,)."""
+        return multiply(multiply(_ENU_NED, self.quaternion), _FRD_FLU)
+
+    @property
+    def covariance_enu(self) -> Array | None:
+        """`covariance` about east, north, up."""
+        if self.covariance is None:
+            return None
+        turn = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+        return turn @ self.covariance @ turn.T
+
+    def to_json(self) -> dict[str, Any]:
+        """The object `orientation` of the JSON."""
+        return {
+            "quaternion_nb_xyzw": self.quaternion.tolist(),
+            "matrix_nb": self.matrix.tolist(),
+            "covariance_n_rad2": None if self.covariance is None else self.covariance.tolist(),
+            "yaw_enu_deg": float(np.degrees(self.yaw_enu)),
+        }
+
+
+def orientation(
+    roll: float,
+    pitch: float,
+    heading: float,
+    *,
+    sigma: float | None,
+    levelling: float | None,
+    latitude: float,
+    method: str,
+) -> Orientation:
+    """The orientation of angles.
+
+    Parameters
+    ----------
+    roll, pitch, heading : float
+        rad.
+    sigma : float or None
+        One standard deviation of the heading, rad.
+    levelling : float or None
+        The share of it that comes from levelling, rad.
+    latitude : float
+        rad.
+    method : str
+        That found the heading.
+    """
+    matrix = mat_bn(roll, pitch, heading).T
+    covariance = None
+    if sigma is not None and levelling and abs(latitude) > FLAT:
+        tangent = np.tan(latitude)
+        level = (min(levelling, sigma) / tangent) ** 2
+        cross = -tangent * level if method in FROM_THE_RATE else 0.0
+        covariance = np.array([[level, 0.0, cross], [0.0, level, 0.0], [cross, 0.0, sigma**2]])
+    return Orientation(quaternion_nb(roll, pitch, heading), matrix, covariance, float(wrap(np.pi / 2 - heading)))

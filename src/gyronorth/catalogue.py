@@ -137,6 +137,11 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
+    FindingInfo("not_finite", "reason", "not a number", "What was worked out is no number."),
+    FindingInfo(
+        "network_contradicts", "reason", "network and Earth rate differ", "The network contradicts the mean rate."
+    ),
+    FindingInfo("sensor_fault", "reason", "the unit reports a fault", "The unit marks samples as not to be trusted."),
     FindingInfo("bundle_mismatch", "reason", "the network does not fit", "The recording does not fit the bundle."),
     FindingInfo("not_running", "reason", "stopped", "The live session is not running."),
     FindingInfo("source_ended", "reason", "the source has ended", "The source of the live session has ended."),
@@ -146,12 +151,14 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("units_suspect", "reason", "units to be checked", "The declared units give no unit on Earth."),
     FindingInfo("gaps", "reason", "too many samples missing", "More samples are missing than may be bridged."),
     FindingInfo("axes_suspect", "warning", "axes to be declared", "Gravity does not lie along body down."),
+    FindingInfo("axes_assumed", "warning", "axes assumed", "Nobody says which way the axes point."),
     FindingInfo("bias_unknown", "warning", "no profile", "The size of the gyro's errors is inferred."),
     FindingInfo("assumed_level", "warning", "taken as level", "There is no accelerometer and no given attitude."),
     FindingInfo("swaying", "warning", "swaying", "The attitude swayed, or its tilt changed."),
     FindingInfo("rows_dropped", "warning", "rows left out", "Rows that could not be read were left out."),
     FindingInfo("gaps_bridged", "warning", "samples bridged", "Samples were missing and are bridged."),
     FindingInfo("time_jitter", "warning", "uneven time stamps", "The time stamps scatter about an even grid."),
+    FindingInfo("time_wraps", "warning", "clock wrapped", "The clock starts again from 0 at a known place."),
     FindingInfo(
         "rate_conflict", "warning", "two rates", "Clock, configuration, declaration or table tell other rates."
     ),
@@ -169,6 +176,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("older_dropped", "warning", "older samples dropped", "Older samples are no longer used."),
     FindingInfo("older_merged", "warning", "older samples merged", "Older samples are kept as means."),
 )
+
+#: Codes that speak against a heading.
+REASONS = frozenset(row.code for row in FINDINGS if row.kind == "reason")
 
 
 @dataclass(frozen=True)
@@ -193,7 +203,8 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("psins", "PSINS .imu", _FORMATS + "psins", (".imu",)),
     FormatInfo("mt-manager", "MT Manager export", _FORMATS + "mt_manager"),
     FormatInfo("mat", "MATLAB .mat", _FORMATS + "mat", (".mat",), takes_variable=True),
-    FormatInfo("npz", "NumPy .npz", _FORMATS + "npz", (".npz",), (".npz",)),
+    FormatInfo("npz", "NumPy .npz", _FORMATS + "npz", (".npz",), (".npz",), takes_variable=True),
+    FormatInfo("npy", "NumPy .npy", _FORMATS + "npy", (".npy",)),
     FormatInfo("hdf5", "HDF5", _FORMATS + "hdf5", (".h5", ".hdf5"), (".h5", ".hdf5"), extra="io", takes_variable=True),
     FormatInfo("parquet", "Parquet", _FORMATS + "parquet", (".parquet",), (".parquet",), extra="io"),
     FormatInfo(
@@ -201,6 +212,8 @@ FORMATS: tuple[FormatInfo, ...] = (
     ),
     FormatInfo("rosbag2", "ROS 2 bag", _FORMATS + "rosbag", (".db3",), (), "io", takes_columns=False, takes_topic=True),
     FormatInfo("mcap", "MCAP", _FORMATS + "mcap", (".mcap",), (".mcap",), "io", takes_columns=False, takes_topic=True),
+    FormatInfo("xlsx", "Excel .xlsx", _FORMATS + "workbook", (".xlsx",), extra="io", takes_variable=True),
+    FormatInfo("doubles", "binary rows of KF-GINS or PSINS", _FORMATS + "doubles", takes_columns=False),
     FormatInfo("frames", "capture of a unit's frames", _FORMATS + "frames", takes_columns=False),
 )
 #: Suffixes under which a recording is written.
@@ -229,3 +242,14 @@ KINDS = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "known")
 SLOW = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "slow")
 HELD_OUT = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "held_out")
 PLATFORM = tuple(kind.name for kind in DISTURBANCE_KINDS if kind.role == "platform")
+
+
+#: Sets of NMEA sentences that a running instrument sends: name -> what it holds.
+NMEA_SETS = {
+    "standard": "HETHS, HEHDT, HEROT",
+    "ths": "HETHS, HEROT",
+    "hdt": "HEHDT, HEROT",
+    "octans": "HEHDT, PHTRO, PHINF",
+}
+#: Estimators that `allan --export` writes a profile for.
+ALLAN_EXPORTS = ("kalibr", "openvins", "kf-gins", "navtk")

@@ -23,6 +23,8 @@ GATE_SIGMA = 3.29
 #: Harmonics of the record in which the noise of a slope is read: next to the slope itself, and
 #: enough of them, on two axes, for 16 degrees of freedom.
 HARMONICS = np.arange(2, 10)
+#: Samples that are worked at once, so that they stay in the processor's cache and little is copied.
+BLOCK_SAMPLES = 1 << 14
 #: Longest block, s, over which sample noise is told from sway.
 NOISE_BLOCK = 1.0
 
@@ -56,9 +58,16 @@ def decimate(x: ArrayLike, *, rate_hz: float, to_hz: float) -> Array:
 def longest_hold(x: ArrayLike) -> tuple[int, int]:
     """First sample and length of the longest run of equal rows in `x`, shape (n, k), n at least 1."""
     x = np.asarray(x)
-    edges = np.flatnonzero(np.concatenate([[True], (x[1:] != x[:-1]).any(axis=1), [True]]))
-    longest = int(np.argmax(np.diff(edges)))
-    return int(edges[longest]), int(edges[longest + 1] - edges[longest])
+    repeats = np.zeros(len(x) + 1, dtype=bool)  # whether a row is as the one before
+    for start in range(1, len(x), BLOCK_SAMPLES):
+        end = min(start + BLOCK_SAMPLES, len(x))
+        repeats[start:end] = (x[start:end] == x[start - 1 : end - 1]).all(axis=1)
+    change = np.flatnonzero(repeats[1:] != repeats[:-1])
+    if len(change) == 0:
+        return 0, 1
+    first, last = change[0::2], change[1::2]
+    longest = int(np.argmax(last - first))
+    return int(first[longest]), int(last[longest] - first[longest]) + 1
 
 
 def _check_decimation(rate_hz: float, to_hz: float) -> None:
@@ -77,11 +86,18 @@ def _means_between(x: Array, edge: Array, ratio: float) -> Array:
     """Means of `x` (..., n, k) between edges (m,) that are `1 / ratio` samples apart, shape (..., m - 1, k)."""
     n = x.shape[-2]
     centre = x.mean(axis=-2, keepdims=True)
-    total = np.zeros((*x.shape[:-2], n + 1, x.shape[-1]))
-    np.cumsum(x - centre, axis=-2, out=total[..., 1:, :])
     left = np.minimum(edge.astype(int), n - 1)
     share = (edge - left)[:, None]
-    at_edge = total[..., left, :] * (1 - share) + total[..., left + 1, :] * share
+    at_edge = np.zeros((*x.shape[:-2], len(edge), x.shape[-1]))
+    before, start = np.zeros_like(centre), 0
+    for _, part in _parts(x):
+        end = start + part.shape[-2]
+        total = np.concatenate([before, part - centre], axis=-2)
+        np.cumsum(total, axis=-2, out=total)
+        here = slice(*np.searchsorted(left, (start, end)))
+        place = left[here] - start
+        at_edge[..., here, :] = total[..., place, :] * (1 - share[here]) + total[..., place + 1, :] * share[here]
+        before, start = total[..., -1:, :].copy(), end
     return np.diff(at_edge, axis=-2) * ratio + centre
 
 
@@ -272,30 +288,79 @@ def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float)
     The covariance of the two is free of both sensors' noise, which is independent.
     """
     turn = np.swapaxes(mat_lb, -1, -2)
-    rate = gyro_b @ turn
-    angle = np.cumsum(rate, axis=-2)
-    angle -= rate / 2
-    angle = _without_trend(angle / rate_hz)
-    horizontal = angle[..., :2]
+    lead, count = gyro_b.shape[:-2], gyro_b.shape[-2]
+    middle, slope = _line(_angles(gyro_b, turn, rate_hz), count)
+    square, peak = np.zeros((*lead, 3)), np.zeros(lead)
+    product, transform = np.zeros(lead), np.zeros((*lead, len(HARMONICS), 2))
+    tilts: Iterator[tuple[Array, Array | None]]
     if accel_b is None:
-        covariance = change = own = np.full(angle.shape[:-2], np.nan)
+        tilts, middle_tilt, slope_tilt = ((time, None) for time, _ in _parts(gyro_b)), np.zeros(1), np.zeros(1)
     else:
-        force = accel_b @ turn
-        gravity = np.linalg.norm(force.mean(axis=-2), axis=-1)[..., None, None]
-        # A small roll moves f_y by -g roll, a small pitch f_x by g pitch, in frd axes at rest.
-        tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity
-        bent = _without_trend(tilt)
-        covariance = np.mean(horizontal * bent, axis=(-2, -1))
-        change = np.linalg.norm(_trend(tilt), axis=-1) * tilt.shape[-2]
-        own = slope_variance(bent - horizontal, duration=1.0)
+        middle_tilt, slope_tilt = _line(_tilts(accel_b, turn), count)
+        tilts = _tilts(accel_b, turn)
+    for (time, angle), (_, tilt) in zip(_angles(gyro_b, turn, rate_hz), tilts, strict=True):
+        angle -= middle + time[:, None] * slope
+        square += np.einsum("...tk,...tk->...k", angle, angle)
+        peak = np.maximum(peak, np.einsum("...tk,...tk->...t", angle, angle).max(axis=-1))
+        if tilt is not None:
+            tilt -= middle_tilt + time[:, None] * slope_tilt
+            product += np.einsum("...tk,...tk->...", tilt, angle[..., :2])
+            tilt -= angle[..., :2]
+            transform += _harmonics(time, count) @ tilt
+    seen, nothing = accel_b is not None, np.full(lead, np.nan)
     return Sway(
-        gyro_variance=np.mean(horizontal**2, axis=(-2, -1)),
-        tilt_variance=covariance,
-        tilt_change=change,
-        tilt_noise=own,
-        yaw_variance=np.mean(angle[..., 2] ** 2, axis=-1),
-        excursion=np.sqrt(np.max(np.sum(angle**2, axis=-1), axis=-1)),
+        gyro_variance=square[..., :2].sum(axis=-1) / (2 * count),
+        tilt_variance=product / (2 * count) if seen else nothing,
+        tilt_change=np.linalg.norm(slope_tilt, axis=(-2, -1)) * count if seen else nothing,
+        tilt_noise=_slope_variance_of(transform, count, duration=1.0) if seen else nothing,
+        yaw_variance=square[..., 2] / count,
+        excursion=np.sqrt(peak),
     )
+
+
+def _parts(x: Array) -> Iterator[tuple[Array, Array]]:
+    """Blocks (..., m, k) of `x` (..., n, k), each with its times (m,), samples from the middle."""
+    count = x.shape[-2]
+    size = max(BLOCK_SAMPLES * count // max(x.size // x.shape[-1], 1), 1)
+    for start in range(0, count, size):
+        part = x[..., start : start + size, :]
+        yield np.arange(start, start + part.shape[-2]) - (count - 1) / 2, part
+
+
+def _angles(gyro_b: Array, turn: Array, rate_hz: float) -> Iterator[tuple[Array, Array]]:
+    """The integrated rate in the levelled frame, rad, up to the middle of each sample, block by block."""
+    before = np.zeros((*gyro_b.shape[:-2], 1, 3))
+    for time, part in _parts(gyro_b):
+        rate = part @ turn
+        angle = np.cumsum(rate, axis=-2)
+        angle += before
+        before = angle[..., -1:, :].copy()
+        yield time, (angle - rate / 2) / rate_hz
+
+
+def _tilts(accel_b: Array, turn: Array) -> Iterator[tuple[Array, Array]]:
+    """Roll and pitch from the levelled attitude by the accelerometer, rad, block by block."""
+    gravity = np.linalg.norm(accel_b.mean(axis=-2), axis=-1)[..., None, None]
+    for time, part in _parts(accel_b):
+        force = part @ turn
+        # A small roll moves f_y by -g roll, a small pitch f_x by g pitch, in frd axes at rest.
+        yield time, np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity
+
+
+def _line(blocks: Iterator[tuple[Array, Array]], count: int) -> tuple[Array, Array]:
+    """Mean and slope per sample, (..., 1, k), of the line through blocks of `count` samples in all."""
+    total, moment, square = np.zeros(1), np.zeros(1), 0.0
+    for time, x in blocks:
+        total = total + x.sum(axis=-2, keepdims=True)
+        moment = moment + time @ x
+        square += float(time @ time)
+    return total / count, np.expand_dims(moment, -2) / max(square, 1.0)
+
+
+def _harmonics(time: Array, count: int) -> Array:
+    """Rows of the cosine transform at `HARMONICS`, shape (harmonics, m), for times from the middle."""
+    phase = np.pi * np.outer(HARMONICS, time + count / 2) / count
+    return np.sqrt(2 / count) * np.cos(phase, out=phase)
 
 
 def slope_variance(residual: Array, *, duration: float) -> Array:
@@ -316,8 +381,14 @@ def slope_variance(residual: Array, *, duration: float) -> Array:
     1.96 of the root in 95 % of white, 90 % of flicker and 83 % of random-walk noise.
     """
     count = residual.shape[-2]
-    phase = np.pi * np.outer(HARMONICS, np.arange(count) + 0.5) / count
-    transform = np.einsum("kt,...tc->...kc", np.sqrt(2 / count) * np.cos(phase), residual)
+    transform = np.zeros((*residual.shape[:-2], len(HARMONICS), residual.shape[-1]))
+    for time, part in _parts(residual):
+        transform += _harmonics(time, count) @ part
+    return _slope_variance_of(transform, count, duration=duration)
+
+
+def _slope_variance_of(transform: Array, count: int, *, duration: float) -> Array:
+    """The variance of `slope_variance`, from the harmonics (..., harmonics, k) of `count` samples."""
     power = np.mean(transform**2, axis=-1)
     walk = 1.0 / HARMONICS**2
     centred = walk - walk.mean()
@@ -326,13 +397,3 @@ def slope_variance(residual: Array, *, duration: float) -> Array:
     only_walk = power @ walk / (walk @ walk)
     at_first = np.where(intercept >= 0, intercept + slope, only_walk)
     return 12 * at_first / (count * duration**2)
-
-
-def _trend(x: Array) -> Array:
-    time = np.arange(x.shape[-2]) - (x.shape[-2] - 1) / 2
-    return np.einsum("t,...tk->...k", time, x) / max(time @ time, 1.0)
-
-
-def _without_trend(x: Array) -> Array:
-    time = np.arange(x.shape[-2]) - (x.shape[-2] - 1) / 2
-    return x - x.mean(axis=-2, keepdims=True) - time[:, None] * _trend(x)[..., None, :]

@@ -20,17 +20,16 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.angles import angle_error, wrap_heading
+from gyronorth.deviation_document import SCHEMA, parse_deviation
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.files import write_text
 
-SCHEMA = "gyronorth.deviation/1"
 #: Session of a model that its user applies to any recording of the unit.
 ANY_SESSION = "*"
 #: Fewest recordings a curve is fitted to: five unknowns of the classical curve and one to judge by.
@@ -155,20 +154,34 @@ def read_deviation(path: str | Path) -> DeviationModel:
     InputError
         If the file is not such a deviation.
     """
+    path = Path(path)
     try:
-        fields = json.loads(Path(path).read_text())
-        if fields.pop("schema") != SCHEMA:
-            raise KeyError("schema")
-        if fields.get("boresight") is not None:
-            roll, pitch, yaw = map(float, fields["boresight"])
-            fields["boresight"] = roll, pitch, yaw
-        arrays: dict[str, Any] = {k: np.asarray(v, float) if isinstance(v, list) else v for k, v in fields.items()}
-        return DeviationModel(**arrays)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+    return deviation_of(content, where=str(path))
+
+
+def deviation_of(content: bytes, *, where: str) -> DeviationModel:
+    """A deviation from the bytes of its file, named `where` in messages.
+
+    Raises
+    ------
+    InputError
+        If they are not such a deviation, or it gives no finite correction at its own recordings.
+    """
+    model = DeviationModel(**parse_deviation(content, where=where))
+    try:
+        with np.errstate(all="ignore"):
+            tried = np.concatenate(model.predict(model.heading, model.surplus))
+    except np.linalg.LinAlgError:
+        tried = np.full(1, np.nan)
+    if not (np.isfinite(tried).all() and (tried[len(model.heading) :] > 0).all()):
         raise InputError(
-            f"{path} is not a deviation profile of schema {SCHEMA} ({type(error).__name__}: {error}). "
-            "Write one with `gyronorth calibrate FOLDER -o PROFILE`."
-        ) from error
+            f"{where} is not a deviation profile that can be used: it gives no finite correction at its own recordings."
+            " Write one with `gyronorth calibrate FOLDER -o PROFILE`."
+        )
+    return model
 
 
 def rate_surplus(rate_l: ArrayLike, latitude: float) -> NDArray[np.float64]:

@@ -27,6 +27,15 @@ class PoseDocument(TypedDict):
     heading_deg: float | None
 
 
+class OrientationDocument(TypedDict):
+    """The attitude for estimators: body forward-right-down, n north-east-down; see `gyronorth.attitude`."""
+
+    quaternion_nb_xyzw: list[float]
+    matrix_nb: list[list[float]]
+    covariance_n_rad2: list[list[float]] | None
+    yaw_enu_deg: float
+
+
 class DisturbanceDocument(TypedDict):
     """What a method that models disturbance found."""
 
@@ -70,6 +79,8 @@ class HeadingDocument(TypedDict):
     scale_factor_ppm: list[float] | None
     scale_factor_sigma_ppm: list[float] | None
     disturbance: DisturbanceDocument | None
+    fitness: Literal["aligning", "degraded", "valid", "invalid"]
+    orientation: OrientationDocument | None
 
 
 class PlanDocument(TypedDict):
@@ -151,6 +162,21 @@ class NoteDocument(TypedDict):
     blocking: bool
 
 
+class ClockDocument(TypedDict):
+    """What the time stamps show; None in `info` without a time column, and where not all of the file was read."""
+
+    data_s: float
+    lost: int
+    late: int
+    latest_s: float
+    repeated: int
+    duplicated: int
+    backwards: int
+    wraps: list[str]
+    given_back: int
+    scatter: float
+
+
 class InfoDocument(TypedDict):
     """`gyronorth info --json`."""
 
@@ -178,23 +204,33 @@ class InfoDocument(TypedDict):
     gaps: list[GapDocument]
     notes: list[NoteDocument]
     estimated_from: dict[str, object] | None
+    read_as: str
+    axes_origin: Literal["stated", "declared", "format", "assumed"]
+    clock: ClockDocument | None
+    schema: Literal["gyronorth.info/1"]
 
 
 class LiveState(TypedDict):
     """What a live session says beside its heading; counters of its input follow."""
 
     state: Literal["waiting", "running", "stopped", "ended", "failed"]
-    fitness: Literal["aligning", "degraded", "valid", "invalid"]
+    fitness: Literal["aligning", "degraded", "valid", "held", "invalid"]
     age_s: float | None
+    held_s: float | None
+    rate_of_turn_deg_min: float | None
     replay: bool
     source: str
+    protocol: str | None
     connected: bool
     trouble: str | None
     recording: str | None
+    raw_recording: str | None
     recording_error: str | None
     lines: int
     good: int
     garbage: int
+    skipped_bytes: int
+    other_frames: int
     implausible: int
     strays: int
     lost: int

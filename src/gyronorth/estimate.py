@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
-from typing import Any
+from math import degrees, inf, isfinite
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
-from gyronorth.findings import Finding
+from gyronorth.attitude import Orientation, orientation
+from gyronorth.errors import InputError
+from gyronorth.findings import Check, Finding
 
+#: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
+Fitness = Literal["aligning", "degraded", "valid", "invalid"]
+#: Codes that more time of standing still takes away.
+ALIGNING = frozenset({"too_short", "too_noisy"})
 #: Error budget that the JSON always names, null where the method or the lack of a profile leaves them unknown.
 PARTS = ("noise", "drift", "turn_on_bias", "levelling")
 
@@ -105,6 +112,7 @@ class HeadingEstimate:
     rate_norm: float  # its norm, rad/s
     implied_latitude: float | None  # asin(-w_down / |w|), rad
     disturbance: DisturbanceFound | None = None  # where a method was tried that models disturbance
+    checks: tuple[Check, ...] = ()  # every gate that judged the heading, passed or not
 
     @property
     def valid(self) -> bool:
@@ -112,9 +120,73 @@ class HeadingEstimate:
         return not self.reasons
 
     @property
+    def fitness(self) -> Fitness:
+        """What the heading is good for, by the reasons against it."""
+        codes = {reason.code for reason in self.reasons}
+        if not codes:
+            return "valid"
+        if codes & ALIGNING and codes <= ALIGNING | {"sigma_required"}:
+            return "aligning"
+        return "degraded" if codes == {"sigma_required"} else "invalid"
+
+    def required(self, sigma: float | None) -> HeadingEstimate:
+        """The same, refused with `sigma_required` where its sigma is unknown or above `sigma`, rad; None asks nothing.
+
+        Raises
+        ------
+        InputError
+            If `sigma` is not a positive number.
+        """
+        if sigma is None:
+            return self
+        if not 0 < sigma < inf:
+            raise InputError(f"The sigma required is {sigma:g} rad; a positive number is expected.")
+        if self.sigma is not None and self.sigma <= sigma:
+            return self
+        found, wanted = self.sigma_deg, degrees(sigma)
+        told = "not known" if found is None else f"{found:.3g} deg"
+        cure = "" if found is None else " Let the unit stand longer, or turn it by 180 deg."
+        message = f"Sigma is {told}; {wanted:.3g} deg is required.{cure}"
+        return replace(self, reasons=(*self.reasons, Finding("sigma_required", message, found, wanted)))
+
+    def checked(self) -> HeadingEstimate:
+        """The same; without a heading and refused with `not_finite` where it holds numbers that mean nothing.
+
+        A heading that is known is finite and has a finite interval and a finite sigma above 0.
+        """
+        numbers = (self.heading, self.sigma, *self.interval95)
+        if all(number is not None and isfinite(number) for number in numbers) and (self.sigma or 0) > 0:
+            return self
+        if self.heading is None and self.sigma is None and self.reasons and all(map(isfinite, self.interval95)):
+            return self  # refused already, with nothing known
+        message = (
+            f"The method {self.method} gave {self.heading_deg} deg with sigma {self.sigma_deg} deg: no heading. Likely "
+            "numbers beyond reason in the recording, its profile or its bundle."
+        )
+        reasons = (*self.reasons, Finding("not_finite", message))
+        return replace(self, heading=None, sigma=None, interval95=(0.0, 2 * np.pi), reasons=reasons)
+
+    @property
     def gyro_bias(self) -> tuple[float, float, float] | None:
         """Gyro bias, rad/s, body axes, where the method estimates it."""
         return None if self.sensor_errors is None else self.sensor_errors.bias
+
+    @property
+    def orientation(self) -> Orientation | None:
+        """Quaternion, matrix, covariance and yaw of the attitude; None without a heading, roll and pitch."""
+        if self.heading is None or self.roll_deg is None or self.pitch_deg is None:
+            return None
+        assert self.roll is not None
+        assert self.pitch is not None
+        return orientation(
+            self.roll,
+            self.pitch,
+            self.heading,
+            sigma=self.sigma,
+            levelling=self.sigma_parts.get("levelling"),
+            latitude=self.latitude,
+            method=self.method,
+        )
 
     @property
     def heading_deg(self) -> float | None:
@@ -204,6 +276,8 @@ class HeadingEstimate:
             "scale_factor_ppm": _scaled(errors and errors.scale_factor, 1e-6),
             "scale_factor_sigma_ppm": _scaled(errors and errors.scale_factor_sigma, 1e-6),
             "disturbance": None if self.disturbance is None else self.disturbance.to_json(),
+            "fitness": self.fitness,
+            "orientation": None if (found := self.orientation) is None else found.to_json(),
         }
 
 

@@ -1,8 +1,8 @@
-"""A remark on a recording or its heading: why it is refused, or what a reader of it should know."""
+"""A remark on a recording or its heading: why it is refused, or what a reader of it should know; a check it passed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 
@@ -19,3 +19,20 @@ class Finding:
     def to_json(self) -> dict[str, Any]:
         """The object of the JSON lists `reasons` and `warnings`."""
         return {"code": self.code, "message": self.message, "value": self.value, "limit": self.limit}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One condition that a heading must meet, whether it did or not; value and limit in the reader's units."""
+
+    code: str  # of the finding that a failure gives
+    title: str  # what is compared, for people
+    value: float  # what was measured
+    limit: float  # value > limit fails
+    unit: str
+    formula: str  # how both are computed, in plain text
+    passed: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """The object of `explain --json`."""
+        return asdict(self)

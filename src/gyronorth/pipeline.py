@@ -14,6 +14,7 @@ from gyronorth.alignment import registry, verdict
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import Options
 from gyronorth.arrays import Array
+from gyronorth.catalogue import REASONS
 from gyronorth.conditioning import decimated
 from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
@@ -39,6 +40,7 @@ def heading(
     attitude: tuple[float, float] | None = None,
     turn_angles: Sequence[float] | None = None,
     deviation: DeviationModel | None = None,
+    require_sigma: float | None = None,
 ) -> HeadingEstimate:
     """Heading of a recording from the Earth rate it senses, with sigma and verdict.
 
@@ -70,6 +72,8 @@ def heading(
         them; without them the gyro measures them.
     deviation : DeviationModel, optional
         Deviation curve, applied to the closed form where `deviation.covers(recording.session)`.
+    require_sigma : float, optional
+        Largest sigma, rad, with which the heading is of use; above it `sigma_required` refuses it.
 
     Returns
     -------
@@ -93,11 +97,33 @@ def heading(
         recording.session,
     )
     result = registry.solve(method, problem, _options(model, turn_angles, deviation))
-    found = verdict.estimate(problem, result, notes=recording.notes, start_time_utc=recording.start_time_utc)
+    marked = tuple(note for note in recording.notes if note.code in REASONS)
+    notes = tuple(note for note in recording.notes if note not in marked)
+    found = verdict.estimate(problem, result, notes=notes, start_time_utc=recording.start_time_utc)
+    found = _with_other_headings(replace(found, reasons=(*found.reasons, *marked)), recording.axes)
     for note in recording.notes:
         if note.blocking and found.valid:
             raise InputError(note.message)
-    return found
+    return found.required(require_sigma)
+
+
+def _with_other_headings(found: HeadingEstimate, axes: str) -> HeadingEstimate:
+    """The warning that axes are assumed, with the headings that the others would give."""
+    if found.heading is None or not any(warning.code == "axes_assumed" for warning in found.warnings):
+        return found
+    from gyronorth.readers.axes import about_vertical
+
+    others = ", ".join(
+        f"{np.degrees((found.heading + added) % (2 * np.pi)):.2f} deg with --axes {letters}"
+        for letters, added in about_vertical(axes)
+    )
+    warnings = [
+        replace(warning, message=f"{warning.message} The heading would be {others}.")
+        if warning.code == "axes_assumed"
+        else warning
+        for warning in found.warnings
+    ]
+    return replace(found, warnings=tuple(warnings))
 
 
 def heading_batch(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +21,11 @@ LATITUDE_CONFLICT = np.radians(0.1)
 #: Sample rates outside these bounds, Hz, are taken for a mistake (milliseconds for seconds, a damaged field).
 SLOWEST_RATE_HZ = 1e-3
 FASTEST_RATE_HZ = 1e6
+
+
+#: How the axes of a file are known: it states them, the user declares them, its format defines them, or nobody
+#: says so and they are assumed.
+AxesOrigin = Literal["stated", "declared", "format", "assumed"]
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,9 @@ class Recording:
     rows_dropped: int = 0  # rows left out on the user's request
     gaps: tuple[Gap, ...] = ()  # bridged gaps
     notes: tuple[Finding, ...] = ()  # remarks of the reader, shown as warnings
+    read_as: str = ""  # what each column of the file was taken for, for people
+    axes: str = "frd"  # where x, y, z of the file point, three letters
+    axes_origin: AxesOrigin = "stated"  # how that is known; the samples are in body axes if it is right
 
     def __post_init__(self) -> None:
         for name in ("gyro_b", "accel_b"):
@@ -104,11 +113,14 @@ class Recording:
         """The recording in axes v, from `mat` = mat_vb, shape (3, 3): another mounting."""
         mat = np.asarray(mat, dtype=float)
         accel = None if self.accel_b is None else self.accel_b @ mat.T
-        return replace(self, gyro_b=self.gyro_b @ mat.T, accel_b=accel)
+        return replace(self, gyro_b=self.gyro_b @ mat.T, accel_b=accel, axes="frd")
 
     def without_bias(self, gyro_bias_b: ArrayLike) -> Recording:
         """The recording with a known gyro bias (3,), rad/s in the body frame, subtracted."""
-        return replace(self, gyro_b=self.gyro_b - np.asarray(gyro_bias_b, dtype=float))
+        bias = np.asarray(gyro_bias_b, dtype=float)
+        if bias.shape != (3,) or not np.isfinite(bias).all():
+            raise InputError(f"The gyro bias is {gyro_bias_b}; three finite rates in rad/s are expected.")
+        return replace(self, gyro_b=self.gyro_b - bias)
 
 
 def chosen_latitude(given: float | None, stored: float | None, source: str) -> float:

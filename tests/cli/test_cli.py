@@ -29,7 +29,8 @@ from gyronorth.simulation import simulate
 DESIGN_KEYS = """
 schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg pitch_deg
 latitude_deg sensor duration_s rate_hz end_time_utc poses sigma_parts_deg gyro_bias_deg_h rate_mean_deg_h
-rate_norm_deg_h implied_latitude_deg gyro_bias_sigma_deg_h scale_factor_ppm scale_factor_sigma_ppm disturbance
+rate_norm_deg_h implied_latitude_deg gyro_bias_sigma_deg_h scale_factor_ppm scale_factor_sigma_ppm disturbance fitness
+orientation
 """
 KEYS = DESIGN_KEYS.split()
 #: Older versions of click mix the two streams unless told not to.
@@ -58,7 +59,7 @@ def rec(tmp_path_factory):
         *("simulate", "--sensor", "hg9900", "--latitude", 32.11, "--heading", 40, "--roll", 2, "--pitch", -1),
         *("--duration", 60, "--rate", 20, "--seed", 1, "-o", path),
     )
-    assert (result.exit_code, result.output) == (0, "")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", f"wrote {path}\n")
     return path
 
 
@@ -352,7 +353,7 @@ class TestWriting:
         raise OSError(28, "No space left on device")
 
     def test_csv(self, rec, tmp_path, monkeypatch):
-        monkeypatch.setattr(csv.DictWriter, "writerows", self.fail)
+        monkeypatch.setattr(csv, "writer", self.fail)
         self.check(tmp_path, "out.csv", "heading", rec, "--csv", tmp_path / "out.csv")
 
     def test_plot(self, rec, tmp_path, monkeypatch):
@@ -465,7 +466,7 @@ class TestSensors:
     def test_allan_profile_is_accepted_by_heading(self, rec, tmp_path):
         profile, plot = tmp_path / "own.json", tmp_path / "allan.png"
         result = run("allan", rec, "-o", profile, "--plot", plot)
-        assert (result.exit_code, result.stderr) == (0, "")
+        assert (result.exit_code, result.stderr) == (0, f"wrote {profile}\nwrote {plot}\n")
         # hg9900 has 0.002 deg/sqrt(h); 3600 independent samples tell it to 1.2 %, 1 sigma
         found = re.search(r"angle random walk +deg/sqrt\(h\) .* (\S+) \((\S+) to (\S+)\)", result.stdout)
         assert float(found[1]) == pytest.approx(0.002, rel=0.05)
@@ -487,7 +488,7 @@ class TestSensors:
     def test_plan(self, tmp_path):
         plot = tmp_path / "plan.svg"
         result = run("plan", "--sensor", "sdc500", "--latitude", 32.11, "--plot", plot)
-        assert (result.exit_code, result.stderr) == (0, "")
+        assert (result.exit_code, result.stderr) == (0, f"wrote {plot}\n")
         assert plot.read_text().startswith("<?xml")
         code, doc = run_json("plan", "--sensor", "sdc500", "--latitude", 32.11, "--json")
         assert code == 0

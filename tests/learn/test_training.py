@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -300,3 +301,42 @@ def test_killing_at_20_random_moments_loses_at_most_the_running_epoch(tmp_path):
     simulated = replace(data(), source="", latitude=None, sensor=None)
     after = run_training(settings, "all", simulated, tmp_path / "b", resume=True)
     assert (after.denoiser, after.heading) == (reference.denoiser, reference.heading)
+
+
+def test_settings_that_come_along_are_known_by_name(tmp_path, monkeypatch):
+    from gyronorth.learn.settings import NAMED, settings_of
+
+    monkeypatch.chdir(tmp_path)
+    assert settings_of(None) == settings_of("paper") == paper()
+    assert settings_of("baseline") == baseline()
+    assert settings_of("cos_sin").heading.output == "cos_sin"
+    assert {settings_of(name).heading.denoised for name in NAMED} == {True, False}
+    write_settings(TINY, tmp_path / "baseline")  # a file of that name goes before
+    assert settings_of("baseline") == TINY
+    with pytest.raises(InputError, match="neither a file nor settings that come along"):
+        settings_of("basline")
+
+
+def test_a_network_that_has_learned_nothing_is_told(tmp_path):
+    from gyronorth.learn.export import untrained
+
+    bundle = run_training(TINY, "all", data(), tmp_path / "b")
+    assert "not trained: it errs by" in untrained(bundle.metrics)
+    assert untrained(bundle.metrics) in (tmp_path / "b/README.md").read_text()
+    assert untrained({"train_network_crmse_deg": 9.0, "train_model_based_crmse_deg": 4.0}) == ""
+    assert untrained({"denoiser_epochs": 3.0}) == ""
+
+
+def test_the_guide_names_every_setting():
+    """The last part of a name stands in the table; a group's name before it."""
+    table = (Path(__file__).parents[2] / "docs/guide/learning.md").read_text()
+    words = set(re.findall(r"`(?:[a-z_]+\.)*([a-z_]+)`", "\n".join(re.findall(r"^\| `.*$", table, re.M))))
+
+    def names(model):
+        for name, field in model.model_fields.items():
+            if hasattr(field.annotation, "model_fields"):
+                yield from names(field.annotation)
+            else:
+                yield name
+
+    assert set(names(Settings)) - words - {"schedule", "sampler"} == set()

@@ -262,3 +262,10 @@ def test_samples_are_those_of_the_file_reader(tmp_path):
     assert_allclose(np.concatenate([gyro for gyro, _ in pieces]), recording.gyro_b, rtol=0, atol=1e-15)
     assert_allclose(np.concatenate([accel for _, accel in pieces if accel is not None]), recording.accel_b, atol=1e-12)
     assert len(rows_in(path)) == len(times)
+
+
+def test_what_comes_first_midway_may_be_the_rest_of_a_line():
+    reader = LineReader("stream", ReadOptions())
+    reader.midway()
+    batches = [*reader.push(b"8"), *reader.push(b",9,7\n1,2,3\n4,5,"), *reader.push(b"6\n")]
+    assert np.concatenate([batch.rows.values for batch in batches]).tolist() == [[1, 2, 3], [4, 5, 6]]

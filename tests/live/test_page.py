@@ -163,20 +163,26 @@ def test_the_page_is_invalid_after_stop_and_end_and_when_the_server_dies(tmp_pat
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1180, "height": 900})
         verdict = page.locator("[data-verdict]")
-        with live(tmp_path, "turned.csv", "--speed", "5", "--sensor", "hg9900") as (url, process):
+        with live(tmp_path, "turned.csv", "--speed", "2", "--sensor", "hg9900") as (url, process):
             page.goto(url)
             expect(verdict).to_contain_text("Valid", timeout=60_000)
+            watch, alarm = page.locator("[data-watch]"), page.locator("[data-alarm]")
+            watch.click()
+            expect(watch).to_have_attribute("aria-pressed", "true")
+            expect(alarm).to_be_empty()
             health = page.request.get(f"{url}healthz")
             assert (health.status, health.json()) == (200, {"ok": True, "troubles": []})
             assert page.request.get(f"{url}api/heading").json()["valid"] is True
             page.keyboard.press("t")
             expect(verdict).to_have_text("✕ Invalid: stopped", timeout=60_000)
+            expect(alarm).to_have_text("Heading lost: invalid. Do not steer by it.")
             assert page.evaluate(STRUCK) == "line-through"
             health = page.request.get(f"{url}healthz")
             assert (health.status, health.json()["ok"]) == (503, False)
             assert page.request.get(f"{url}api/heading").json()["valid"] is False
             page.keyboard.press("s")
             expect(verdict).to_have_text("✓ Valid", timeout=60_000)
+            expect(alarm).to_be_empty()
             process.kill()
             expect(verdict).to_contain_text("Invalid: no news from the instrument", timeout=30_000)
             assert page.evaluate(STRUCK) == "line-through"

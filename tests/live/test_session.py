@@ -312,7 +312,7 @@ def test_garbage_alone_is_counted_and_shown_and_leaves_no_file(tmp_path):
     assert "Traceback" not in run.stderr
     assert list(tmp_path.iterdir()) == []
     run = live_of("a poem\n", *arguments, "--json")
-    assert (run.returncode, json.loads(run.stdout)["live"]["recording"]) == (2, None)
+    assert (run.returncode, json.loads(run.stdout.splitlines()[-1])["live"]["recording"]) == (2, None)
 
 
 def test_rows_that_no_sensor_gives_point_to_the_unit():

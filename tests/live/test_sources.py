@@ -95,7 +95,7 @@ def test_tcp_connects_anew_when_nothing_comes(monkeypatch):
             connection.close()
 
 
-def test_udp_takes_one_sender_and_ends_each_datagram():
+def test_udp_takes_one_sender_whose_datagrams_are_whole():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         address = probe.getsockname()
@@ -107,7 +107,10 @@ def test_udp_takes_one_sender_and_ends_each_datagram():
             theirs.sendto(b"7,7,7\n", address)
             ours.sendto(b"8,9,10\n", address)
             until(lambda: b"8,9" in received(events))
-    assert received(events) == b"1,2,3\n4,5,6\n8,9,10\n"
+    assert [event.bytes for event in events if isinstance(event, Bytes) and event.whole] == [
+        b"1,2,3\n4,5,6",
+        b"8,9,10\n",
+    ]
 
 
 def test_a_udp_port_in_use_is_an_error():
@@ -117,7 +120,7 @@ def test_a_udp_port_in_use_is_an_error():
             open_source(f"udp:{other.getsockname()[1]}", ReadOptions(), speed=1)
 
 
-def test_serial_leaves_out_the_rest_of_a_line_and_survives_being_unplugged(tmp_path):
+def test_serial_begins_midway_and_survives_being_unplugged(tmp_path):
     """A pair of pseudo-terminals; a link stands for the device, which another terminal takes over."""
     device = tmp_path / "ttyUSB0"
 
@@ -133,13 +136,13 @@ def test_serial_leaves_out_the_rest_of_a_line_and_survives_being_unplugged(tmp_p
         until(lambda: events)
         os.write(ours, b"8,9\n1,2,3\n4,5,")
         os.write(ours, b"6\n")
-        until(lambda: received(events) == b"1,2,3\n4,5,6\n")
+        until(lambda: received(events) == b"8,9\n1,2,3\n4,5,6\n")
         os.close(ours)
         until(lambda: any(isinstance(event, Lost) for event in events))
         ours = plug()
-        until(lambda: events.count(Connected()) == 2)
+        until(lambda: events.count(Connected(midway=True)) == 2)
         os.write(ours, b"5,5\n7,8,9\n")
-        until(lambda: received(events) == b"1,2,3\n4,5,6\n7,8,9\n")
+        until(lambda: received(events) == b"8,9\n1,2,3\n4,5,6\n5,5\n7,8,9\n")
     os.close(ours)
 
 
@@ -233,17 +236,18 @@ def test_nmea_over_tcp_is_invalid_until_valid(status):
         for connection in connections:
             with connection, connection.makefile("rb") as stream:
                 shown[0] = Status("waiting", "here")
-                heading, verdict = read_lines(stream, 2)
+                heading, turn, verdict = read_lines(stream, 3)
                 assert (heading, verdict.split(b",")[1]) == (b"$HETHS,,V*14\r\n", b"V")
+                assert parsed(turn).valid == "V"
                 shown[0] = status
                 sentences = read_until(stream, b"$PGNRS,A,")
                 assert status.estimate is not None
-                assert [parsed(line).identity for line in sentences[-3:-1]] == ["HETHS", "HEHDT"]
-                assert parsed(sentences[-2]).headingT == round(status.estimate.to_json()["heading_deg"], 1)
-                assert (parsed(sentences[-3]).headt, parsed(sentences[-3]).mi) == (parsed(sentences[-2]).headingT, "A")
+                assert [parsed(line).identity for line in sentences[-4:-2]] == ["HETHS", "HEHDT"]
+                assert parsed(sentences[-3]).headingT == round(status.estimate.to_json()["heading_deg"], 1)
+                assert (parsed(sentences[-4]).headt, parsed(sentences[-4]).mi) == (parsed(sentences[-3]).headingT, "A")
                 shown[0] = replace(status, state="ended")
                 sentences = read_until(stream, b"$PGNRS,V,")
-                assert sentences[-2] == b"$HETHS,,V*14\r\n"
+                assert sentences[-3] == b"$HETHS,,V*14\r\n"
                 assert b"source_ended" in sentences[-1]
     finally:
         out.close()
@@ -257,7 +261,7 @@ def test_nmea_over_udp(status):
         out.start()
         try:
             for _ in range(3):
-                _, heading, verdict = listener.recv(1000).splitlines(keepends=True)
+                _, heading, _, verdict = listener.recv(1000).splitlines(keepends=True)
                 assert parsed(heading).headingT == round(status.estimate.to_json()["heading_deg"], 1)
                 assert verdict.startswith(b"$PGNRS,A,")
         finally:
@@ -265,7 +269,7 @@ def test_nmea_over_udp(status):
 
 
 def test_a_listener_that_does_not_read_is_dropped_and_the_others_are_served(status, monkeypatch):
-    monkeypatch.setattr(nmea_out, "status_sentences", lambda _: "$" * 200_000 + "\n")
+    monkeypatch.setattr(nmea_out, "status_sentences", lambda *_: "$" * 200_000 + "\n")
     out = NmeaOut(Target("tcp", "127.0.0.1", 0), rate_hz=100, status=lambda: status)
     out.start()
     try:
@@ -283,6 +287,14 @@ def test_a_listener_that_does_not_read_is_dropped_and_the_others_are_served(stat
 def test_a_port_in_use_and_an_address_that_is_none():
     with socket.create_server(("127.0.0.1", 0)) as other, pytest.raises(InputError, match="in use"):
         NmeaOut(Target("tcp", *other.getsockname()), rate_hz=1, status=lambda: Status("waiting", ""))
-    for text in ("tcp:4001", "serial:/dev/x", "udp:here:99999", ""):
+    for text in ("tcp:4001", "serial:", "udp:here:99999", ""):
         with pytest.raises(InputError, match="--nmea-out"):
             parse_target(text)
+
+
+def test_sentences_must_fit_through_a_serial_port(tmp_path):
+    assert parse_target("serial:/dev/ttyUSB1") == Target("serial", "/dev/ttyUSB1", 4800)
+    with pytest.raises(InputError, match="Choose a lower --output-rate"):
+        NmeaOut(Target("serial", str(tmp_path / "tty"), 4800), rate_hz=10, status=lambda: Status("waiting", ""))
+    with pytest.raises(InputError, match="there is no device"):
+        NmeaOut(Target("serial", "/none/tty", 38400), rate_hz=10, status=lambda: Status("waiting", ""))

@@ -164,8 +164,6 @@ def test_wrong_texts_of_columns(text):
         ("a,b,c\n1,2,3\n", r"has no column w_x, w_y, w_z: its columns are a, b, c. Say which ones.*--columns"),
         ("w_x,w_y,w_z,f_x\n1,2,3,4\n", "has no column f_y, f_z"),
         ("w_x,w_y,w_x,w_z\n1,2,3,4\n", "has 2 columns w_x; which one is meant"),
-        (";".join(TITLES) + "\n0;0;0;0;0;0;0\n", "Row 1 of rec.csv, the header, has semicolons between its fields"),
-        ("\t".join(TITLES) + "\n0\t0\n", "the header, has tabs between its fields; commas are expected"),
         ('w_x,"w_y,w_z\n1,2,3\n', "rec.csv"),
         ("x" * 70000, "Row 1 of rec.csv is longer than 65536 characters"),
         ("w_x,w_y\x00,w_z\n1,2,3\n", "Row 1 of rec.csv holds zero bytes"),
@@ -187,16 +185,6 @@ def test_files_that_cannot_be_read_at_all(tmp_path, text, message):
         read(path, gyro_unit="rad/s", accel_unit="m/s2", rate_hz=10)
 
 
-def test_text_that_is_not_utf8(tmp_path):
-    path = tmp_path / "rec.csv"
-    path.write_bytes(b"w_x (\xb0/s),w_y,w_z\n1,2,3\n")
-    with pytest.raises(InputError, match=r"Row 1 of rec.csv holds the byte 0xb0, which is not UTF-8"):
-        read(path, gyro_unit="deg/s", rate_hz=10)
-    path.write_bytes("w_x,w_y,w_z\n1,2,3\n".encode("utf-16"))
-    with pytest.raises(InputError, match=r"rec.csv is UTF-16 text"):
-        read(path, gyro_unit="deg/s", rate_hz=10)
-
-
 BAD_ROWS = {
     "word": ("0.2,abc,0,0,0,0,-9.8\n", "w_x is 'abc'; a number is expected"),
     "underscore": ("0.2,0,1_0,0,0,0,-9.8\n", "w_y is '1_0'; a number is expected"),
@@ -208,7 +196,6 @@ BAD_ROWS = {
     ),
     "semicolons": ("0.2;0;0;0;0;0;-9.8\n", "(semicolons between fields? commas are expected)"),
     "tabs": ("0.2\t0\t0\t0\t0\t0\t-9.8\n", "(tabs between fields? commas are expected)"),
-    "empty": ("\n", "it is empty"),
     "empty field": ("0.2,0,,0,0,0,-9.8\n", "w_y is ''; a number is expected"),
     "nan": ("0.2,0,0,nan,0,0,-9.8\n", "w_z is nan; a finite number is expected"),
     "infinite": ("0.2,0,0,0,0,0,-1e999\n", "f_z is -inf; a finite number is expected"),
@@ -218,7 +205,6 @@ BAD_ROWS = {
     "zeros": ("0.2,0,0,0,0,0,0\n", "f_x, f_y and f_z are all exactly 0, which no body at rest can feel"),
     "quotes": ('0.2,"0,0,0,0,0,-9.8\n', "fields; 7 are expected"),
     "zero byte": ("0.2,0,\x000,0,0,0,-9.8\n", "it holds zero bytes"),
-    "time repeats": ("0.19,0,0,0,0,0,-9.8\n", "time repeats: t is 0.19 after 0.19"),
     "time back": ("0.1,0,0,0,0,0,-9.8\n", "time runs backwards: t is 0.1 after 0.19"),
     "time leaps": ("77,0,0,0,0,0,-9.8\n", "time leaps: t is 77 after 0.19"),
 }
@@ -299,7 +285,7 @@ def test_bad_rows_across_the_blocks_in_which_a_file_is_read(tmp_path):
     # 40,000 rows of over 100 bytes are four blocks of a MiB; a bad row in each, and one at the very end.
     rows = csv_rows(40_000)
     for i in (100, 12_000, 22_000, 39_999):
-        rows[i] = "broken\n"
+        rows[i] = "0,broken\n"
     path = csv_file(tmp_path, rows)
     recording = read(path, drop_bad_rows=True)
     assert recording.rows_dropped == 4
@@ -348,11 +334,9 @@ def test_degrees_of_the_comments_are_degrees(tmp_path):
     assert degrees(recording.heading_true or 0) == pytest.approx(359.5)
 
 
-@pytest.mark.parametrize(
-    ("pack", "tool"), [(gzip.compress, "gunzip"), (bz2.compress, "bunzip2"), (lzma.compress, "unxz")]
-)
-def test_a_packed_file_is_refused_with_the_tool_that_unpacks_it(tmp_path, pack, tool):
-    path = tmp_path / "rec.csv"
-    path.write_bytes(pack(csv_file(tmp_path, csv_rows(300)).read_bytes()))
-    with pytest.raises(InputError, match=rf"rec.csv is packed. Unpack it first: {tool} rec.csv"):
-        read(path)
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])
+def test_a_packed_file_is_read_whatever_its_suffix(tmp_path, pack):
+    plain = csv_file(tmp_path, csv_rows(300))
+    packed = tmp_path / "packed.csv"
+    packed.write_bytes(pack(plain.read_bytes()))
+    assert_array_equal(read(packed).gyro_b, read(plain).gyro_b)

@@ -54,9 +54,9 @@ def test_increments_are_divided_by_the_interval(tmp_path, unit):
 
 def test_units_that_nobody_states_are_asked_for(tmp_path):
     path = unit_file(tmp_path)
-    with pytest.raises(InputError, match=r"in which unit w_x, w_y, w_z are\. Declare it: --gyro-unit rad/s or deg/s"):
+    with pytest.raises(InputError, match=r"in which unit w_x, w_y, w_z are: Earth rate, .* fits --gyro-unit rad/s, 15"):
         read(path, accel_unit="m/s2")
-    with pytest.raises(InputError, match=r"in which unit f_x, f_y, f_z are\. Declare it: --accel-unit m/s2 or g"):
+    with pytest.raises(InputError, match=r"in which unit f_x, f_y, f_z are: gravity fits m/s2, 9.807 m/s2"):
         read(path, gyro_unit="rad/s")
 
 
@@ -84,8 +84,8 @@ def test_declarations_that_agree_with_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gyro_unit": "deg"}, r"gyro_unit is 'deg'; one of rad/s, deg/s, deg/h is expected"),
-        ({"accel_unit": "mg"}, r"accel_unit is 'mg'; one of m/s2, g is expected"),
+        ({"gyro_unit": "deg"}, r"gyro_unit is 'deg'; one of rad/s, deg/s, deg/h, mdeg/s"),
+        ({"accel_unit": "kg"}, r"accel_unit is 'kg'; one of m/s2, g, mg"),
         ({"rate_hz": 0}, "declared rate is 0 Hz"),
         ({"rate_hz": float("nan")}, "declared rate is nan Hz"),
         ({"latitude": 32.11}, "latitude is 1839.77 deg"),
@@ -98,7 +98,7 @@ def test_declarations_that_agree_with_the_file(tmp_path):
         ({"axes": "+x+x-z"}, "each of the three directions"),
         ({"axes": "+x+y-z"}, "left-handed"),
         ({"format": "xls"}, "format is 'xls'; one of csv"),
-        ({"variable": "data"}, "variable 'data' is declared, but rec.csv is neither a .mat nor an HDF5 file"),
+        ({"variable": "data"}, "variable 'data' is declared, but rec.csv is neither a .mat, .npz nor HDF5 file"),
         ({"topic": "/imu"}, "topic '/imu' is declared, but rec.csv is neither a bag nor an MCAP file"),
     ],
 )
@@ -197,7 +197,7 @@ def test_a_sensor_on_its_side_is_told_which_axes_fit(tmp_path):
 def test_a_tilt_is_not_suspect(tmp_path, tilt_deg):
     c, s = cos(radians(tilt_deg)), sin(radians(tilt_deg))
     path = unit_file(tmp_path, mat=((1, 0, 0), (0, c, s), (0, -s, c)))
-    assert read(path, gyro_unit="rad/s", accel_unit="m/s2").notes == ()
+    assert read(path, gyro_unit="rad/s", accel_unit="m/s2", axes="frd").notes == ()
 
 
 @pytest.mark.parametrize("yaw_deg", [0, 10, -90])

@@ -194,14 +194,13 @@ def test_mat_names_the_row_of_the_variable(tmp_path):
         ),
         ({"a": imu_table(9)}, {"variable": "data"}, r"has no variable 'data'; it holds a \(9x9 double\)"),
         ({"a": "text"}, {"variable": "a"}, "Variable a of rec.mat is a 1x4 char; a matrix of numbers"),
-        ({"a": {"b": 1}}, {"variable": "a"}, "is a 1x1 struct"),
+        ({"a": {"b": "x"}}, {"variable": "a.b"}, "is a 1x1 char"),
         ({"a": imu_table(9) * 1j}, {"variable": "a"}, "is a 9x9 complex double"),
         ({"a": imu_table(9) > 0}, {"variable": "a"}, "is a 9x9 logical"),
         ({"a": np.zeros((4, 5, 6))}, {"variable": "a"}, "is a 4x5x6 double"),
-        ({"a": imu_table(50).T}, {}, "has 9 rows and 50 columns; samples are expected to be its rows: transpose it"),
         ({"a": imu_table()}, {"columns": None}, r"has 9 columns without names.*--columns w_x=4"),
         ({"a": imu_table()}, {"columns": {"w_x": 9, "w_y": 1, "w_z": 2}}, "columns are numbered 0 to 8"),
-        ({"a": imu_table()}, {"columns": {"w_x": "gx"}}, "columns says w_x=gx, but variable a of rec.mat has no such"),
+        ({"a": imu_table()}, {"columns": {"w_x": "gx"}}, r"columns says w_x=gx, but rec.mat has no such.* a\[0\]"),
     ],
 )
 def test_mat_files_that_do_not_fit(tmp_path, arrays, options, message):
@@ -283,8 +282,8 @@ def npz_file(folder, **change):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"schema": None}, "without schema = 'gyronorth.recording/1': gyronorth did not write it"),
-        ({"schema": "other/2"}, "without schema"),
+        ({"schema": None}, "does not say in which unit w_x, w_y, w_z are"),
+        ({"schema": "other/2"}, "is an .npz file whose schema is not 'gyronorth.recording/1'"),
         ({"schema": 3}, "schema is '3'; one text is expected"),
         ({"gyro_b": None}, "has no gyro_b or no rate_hz"),
         ({"rate_hz": None}, "has no gyro_b or no rate_hz"),
@@ -293,8 +292,8 @@ def npz_file(folder, **change):
         ({"rate_hz": np.nan}, "one finite number is expected"),
         ({"latitude": 32.11}, "latitude is 1839.77 deg"),
         ({"gyro_b": np.zeros((300, 2))}, r"gyro_b has shape \(300, 2\)"),
-        ({"gyro_b": np.zeros((300, 3), complex)}, "cannot be read .*gyro_b is not the array of numbers"),
-        ({"gyro_b": np.array([{}], dtype=object)}, "cannot be read .*gyro_b is not the array of numbers"),
+        ({"gyro_b": np.zeros((300, 3), complex)}, "gyro_b has shape .* and type complex128"),
+        ({"gyro_b": np.array([{}], dtype=object)}, "gyro_b of rec.npz holds pickled Python objects"),
         ({"accel_b": np.zeros((7, 3))}, "gyro_b has 300 samples, accel_b 7"),
         ({"gaps": np.zeros(3)}, r"gaps has shape \(3,\)"),
         ({"start_time_utc": "noon"}, "start_time_utc is 'noon'"),

@@ -62,7 +62,7 @@ def test_what_the_frames_assume_is_a_note(tmp_path):
 
 def test_messages(tmp_path):
     _, path = capture(tmp_path, "stim")
-    with pytest.raises(InputError, match="frames state their units"):
+    with pytest.raises(InputError, match="state what it says"):
         gn.read(path, gyro_unit="deg/s")
     with pytest.raises(InputError, match="no sample of protocol kvh"):
         gn.read(path, protocol="kvh")

@@ -107,7 +107,7 @@ def test_signatures_tell_the_formats_apart(tmp_path):
         "rosbag1": b"#ROSBAG V2.0",
         "mcap": b"\x89MCAP0",
         "psins": b"% PSINS",
-        "mt-manager": b"// Start",
+        "mt-manager": b"// Start Time: Unknown",
         "csv": b"t,w_x,w_y,w_z",
     }
     for name, head in heads.items():

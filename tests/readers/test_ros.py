@@ -85,7 +85,7 @@ def test_what_others_wrote_is_read_in_body_axes(tmp_path, maker):
     assert_array_equal(recording.accel_b, ACCEL)
     assert recording.rate_hz == RATE
     assert recording.start_time_utc == "2024-05-01T12:00:00Z"
-    assert recording.notes == ()
+    assert [note.code for note in recording.notes] == ["axes_assumed"]
 
 
 def test_a_bag_folder_is_one_recording_among_others(tmp_path):
@@ -160,8 +160,8 @@ def test_log_times_stand_in_for_stamps_that_are_zero(tmp_path, maker):
     recording = read(make(tmp_path, imu=messages))
     assert recording.rate_hz == RATE
     assert recording.start_time_utc == "2024-05-01T12:00:00.005000Z"
-    assert [note.code for note in recording.notes] == ["log_time_used"]
-    assert "/imu of rec" in recording.notes[0].message
+    assert [note.code for note in recording.notes] == ["axes_assumed", "log_time_used"]
+    assert "/imu of rec" in recording.notes[1].message
     assert_array_equal(recording.gyro_b, GYRO)
 
 
@@ -326,14 +326,13 @@ def test_messages_of_a_large_database_alone_are_drawn_not_counted(tmp_path, monk
     assert len(read(path, topic="/imu").gyro_b) == 400
 
 
-def test_a_compressed_database_alone_points_to_its_folder(tmp_path):
-    for mode in ("file", "message"):
-        folder = write_bag2(tmp_path / mode, {"/imu": CDR}, compression=CompressionMode[mode.upper()])
-        path = next(folder.glob("*.db3*"))
-        with pytest.raises(
-            InputError, match=rf"{path.name}(: the messages of /imu are compressed| is packed).* folder"
-        ):
-            read(path)
+def test_a_compressed_database_alone_is_unpacked_or_points_to_its_folder(tmp_path):
+    folder = write_bag2(tmp_path / "file", {"/imu": CDR}, compression=CompressionMode.FILE)
+    assert_array_equal(read(next(folder.glob("*.db3*"))).gyro_b, GYRO)
+    folder = write_bag2(tmp_path / "message", {"/imu": CDR}, compression=CompressionMode.MESSAGE)
+    path = next(folder.glob("*.db3*"))
+    with pytest.raises(InputError, match=rf"{path.name}: the messages of /imu are compressed.* folder"):
+        read(path)
 
 
 def test_a_bag_still_being_recorded_is_refused(tmp_path):
@@ -363,4 +362,52 @@ def test_a_bag_folder_with_damaged_or_missing_parts(tmp_path):
         read(path)
     metadata.unlink()
     with pytest.raises(InputError, match=r"is a folder; a file is expected \(or a bag of ROS 2"):
+        read(path)
+
+
+NO_RATE = logged([ros1(sample) for sample in samples(0 * GYRO, ACCEL * FLU, RATE)])
+NO_FORCE = logged([ros1(sample) for sample in samples(GYRO * FLU, 0 * ACCEL, RATE)])
+
+
+def test_topics_of_one_sensor_each_are_joined_unasked(tmp_path):
+    """Drivers of depth cameras publish the other quantity as zeros, with a covariance like any other."""
+    path = bag1(tmp_path, gyro=NO_FORCE, accel=NO_RATE)
+    recording = read(path)
+    assert_array_equal(recording.gyro_b, GYRO)
+    assert_allclose(recording.accel_b, ACCEL, rtol=1e-12)
+    assert "acceleration of /accel joined on time" in describe(path).info.read_as
+    assert read(path, topic="/gyro").accel_b is None
+    with pytest.raises(InputError, match=r"topic /accel holds no angular velocity \(it is zero in all messages\)"):
+        read(path, topic="/accel")
+    with pytest.raises(InputError, match=r"topic /gyro holds no linear acceleration"):
+        read(path, topic="/gyro", accel_topic="/gyro")
+
+
+def test_the_accelerometer_of_another_topic_is_declared(tmp_path):
+    path = bag1(tmp_path, gyro=NO_FORCE, accel=NO_RATE, other=NOETIC)
+    with pytest.raises(InputError, match="has 3 topics"):
+        read(path)
+    recording = read(path, topic="/gyro", accel_topic="/other")
+    assert_array_equal(recording.gyro_b, GYRO)
+    assert_allclose(recording.accel_b, ACCEL, rtol=1e-12)
+    with pytest.raises(InputError, match="has no topic '/x'"):
+        read(path, topic="/gyro", accel_topic="/x")
+
+
+@pytest.mark.parametrize("make", [bag1, mcap2], ids=["rosbag1", "mcap"])
+def test_messages_that_hold_one_sensor_each_are_joined(tmp_path, make):
+    message = ros1 if make is bag1 else cdr
+    mixed = [gyro if i % 3 else accel for i, (gyro, accel) in enumerate(
+        zip(samples(GYRO * FLU, 0 * ACCEL, RATE), samples(0 * GYRO, ACCEL * FLU, RATE), strict=True))]  # fmt: skip
+    recording = read(make(tmp_path, imu=logged([message(sample) for sample in mixed])), rate_hz=None)
+    kept = np.arange(len(GYRO)) % 3 > 0
+    assert set(map(tuple, GYRO[kept])) <= set(map(tuple, recording.gyro_b))
+    assert_allclose(recording.accel_b.mean(axis=0), ACCEL.mean(axis=0), atol=0.01)
+
+
+def test_messages_of_a_drivers_own_are_named(tmp_path):
+    path = bag1(tmp_path, imu=NOETIC)
+    content = path.read_bytes().replace(b"sensor_msgs/Imu", b"driver_msg/MyImu")
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"has no topic of sensor_msgs/Imu|cannot be read"):
         read(path)

@@ -126,18 +126,35 @@ def test_bad_rows_outside_the_window_do_not_matter(tmp_path):
         read(path, window=(0, 8))
 
 
+def test_bad_rows_of_a_window_are_described_where_there_are_many_before_it(tmp_path):
+    rows = csv_rows(1000)
+    for row in (*range(10, 80, 10), 300, 301):
+        rows[row] = "broken\n"
+    rows[302] = rows[302].rpartition(",")[0] + ",nan\n"
+    path = csv_file(tmp_path, rows)
+    with pytest.raises(InputError, match=r"Row 305 of .* Bad rows in all: 3; row 306: .*; row 307: f_z is nan"):
+        read(path, window=(2, 8))
+    assert read(path, window=(2, 8), drop_bad_rows=True).rows_dropped == 3
+
+
 @pytest.mark.parametrize(("window", "message"), [((0, 11), "does not fit"), ((20, 30), "lies behind the end")])
 def test_window_beyond_the_end(tmp_path, window, message):
     with pytest.raises(InputError, match=message):
         read(csv_file(tmp_path, csv_rows(1000)), window=window)
 
 
-def test_a_clock_that_is_reset_is_refused(tmp_path):
-    time = np.concatenate([np.arange(500), np.arange(500)]) / 100
-    with pytest.raises(InputError, match=r"Row 505 of rec.csv: time runs backwards: t is 0 after 4.99"):
-        read(timed_file(tmp_path, time))
-    with pytest.raises(InputError, match=r"500 of 1000 rows of rec.csv are bad"):
-        read(timed_file(tmp_path, time), drop_bad_rows=True)
+def test_a_clock_that_starts_again_is_refused_and_both_cures_work(tmp_path):
+    time = np.concatenate([np.arange(500), np.arange(500)]) / 100 + 3
+    path = timed_file(tmp_path, time)
+    for drop in (False, True):
+        with pytest.raises(InputError) as caught:
+            read(path, drop_bad_rows=drop)
+        message = str(caught.value)
+        assert message.startswith("Row 505 of rec.csv: t is 3 after 7.99, and the rows behind it go on from there")
+        assert "--window 0:5;" in message
+        assert "--columns t=- --rate 100." in message
+    assert_array_equal(read(path, window=(0, 5)).gyro_b, still(1000)[0][:500])
+    assert_array_equal(read(path, columns={"t": "-"}, rate_hz=100).gyro_b, still(1000)[0])
 
 
 def test_repeated_rows_can_be_dropped(tmp_path):
@@ -155,10 +172,11 @@ def test_repeated_rows_can_be_dropped(tmp_path):
 @pytest.mark.parametrize(
     ("scale", "options", "message"),
     [
-        (1000, {}, r"t of rec.csv steps by 10, a rate of 0.1 Hz if it is in seconds.*--columns t=- --rate HZ"),
+        (1000, {"time_unit": "s"}, r"t of rec.csv steps by 10, a rate of 0.1 Hz if it is in seconds"),
         (1e-6, {}, "a rate of 1e\\+08 Hz"),
         (1, {"rate_hz": 99}, r"t of rec.csv gives a rate of 100 Hz, but 99 Hz is declared"),
-        (1000, {"rate_hz": 100}, "gives a rate of 0.1 Hz, but 100 Hz is declared"),
+        (1000, {"rate_hz": 10}, "gives a rate of 100 Hz, but 10 Hz is declared"),
+        (100, {}, r"t counts in whole numbers, each 1 more than the last(?s:.*)Try: .* --time-unit ms$"),
         (0, {}, r"t of rec.csv is 0 in every row: no clock, or one too coarse.*--columns t=- --rate HZ"),
         (-1, {}, r"t of rec.csv runs backwards, from -?0 to -2.99: rows in reverse order"),
     ],

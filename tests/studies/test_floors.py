@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from concurrent.futures import ThreadPoolExecutor
 from math import cos, radians, sqrt
 from pathlib import Path
 
@@ -114,7 +115,8 @@ def test_the_synthetic_test_set_has_the_size_that_is_told():
 
 
 def test_the_command_writes_it_too(tmp_path):
-    run_benchmark("published", tmp_path, only=("noise",), workers=1)
+    with ThreadPoolExecutor(1) as executor:
+        run_benchmark("published", tmp_path, executor, only=("noise",))
     text = (tmp_path / "noise.md").read_text()
     assert all(line in text for line in lines("noise").values())
     assert text.count("Floor (Cramér-Rao") == 2

@@ -54,6 +54,12 @@ def test_variants_of_sampler_and_heading_share_a_denoiser_and_others_do_not():
     assert denoiser_unit({}, PLAN, seed=0, split=splits_of(PLAN, 1)[0]).name != name
 
 
+def test_the_baseline_of_the_studies_is_that_of_the_settings():
+    from gyronorth.learn.settings import Settings, baseline
+
+    assert Settings.model_validate(BASELINE) == baseline()
+
+
 def test_what_needs_no_denoiser_trains_none():
     split = splits_of(PLAN, 1)[0]
     assert heading_unit(WITHOUT_DENOISER, PLAN, split, seed=0).needs == ()
@@ -81,9 +87,9 @@ def test_a_trained_unit_tells_errors_of_each_part_and_the_closed_form_beside():
         assert_allclose(result[part]["model_based_deg"], np.degrees(error), rtol=1e-5)
     assert {"loss", "validation", "test"} <= set(result["history"][0])
     row = network_row("tiny", [result], seed=0)
-    assert row[3].value > 10  # one epoch of four units knows no heading
+    assert row[4].value > 10  # one epoch of four units knows no heading
     assert len(result["circle_error_deg"]) == networks.CIRCLE
-    assert float(row[7].split()[0]) > 50  # so most of the circle is lost
+    assert float(row[9].split()[0]) > 50  # so most of the circle is lost
 
 
 class OffBeyond270:
@@ -131,7 +137,7 @@ def test_a_denoiser_unit_is_rebuilt_as_it_was_trained():
 def test_a_training_that_diverged_is_a_word_not_a_number():
     part = {"recording": [0, 1], "error_deg": [None, 1.0], "model_based_deg": [1.0, 2.0]}
     result = {"train": part, "validation": part, "test": part, "best_epoch": 0}
-    assert network_row("x", [result], seed=0)[1:4] == (DIVERGED,) * 3
+    assert network_row("x", [result], seed=0)[1:5] == (DIVERGED,) * 4
 
 
 @pytest.fixture

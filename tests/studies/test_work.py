@@ -14,9 +14,10 @@ from typer.testing import CliRunner
 from gyronorth.cli import app
 from gyronorth.errors import InputError
 from gyronorth.files import no_empty_folder
+from gyronorth.many.workers import executor_on
 from gyronorth.studies.benchmark import run_benchmark, studies_of
 from gyronorth.studies.study import StudyPlan
-from gyronorth.studies.work import Job, data_sha256, executor_on, run_units
+from gyronorth.studies.work import Job, data_sha256, run_units
 
 
 @pytest.fixture
@@ -131,9 +132,10 @@ def test_a_scheduler_that_is_not_there_is_refused():
 def test_benchmark_writes_json_and_markdown_and_continues(tmp_path):
     seen = []
     for _ in range(2):
-        written = run_benchmark(
-            "published", tmp_path, only=("noise",), workers=1, progress=lambda *state: seen.append(state)
-        )
+        with executor_on(None, workers=1) as executor:
+            written = run_benchmark(
+                "published", tmp_path, executor, only=("noise",), progress=lambda *state: seen.append(state)
+            )
     assert [path.name for path in written] == ["noise.md"]
     assert seen[-1] == ("noise", 1, 1)
     assert len(seen) == 3  # the second run starts with all done

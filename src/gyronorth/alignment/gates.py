@@ -194,7 +194,12 @@ def saturation_gate(peak: Array, *, limit: float, what: str, unit: float, unit_n
 def peaks_of(problem: Problem) -> tuple[Array, Array | None]:
     """Largest component of the angular rate, rad/s, and of the specific force, m/s^2, of each recording."""
     accel_b = problem.accel_b
-    return np.abs(problem.gyro_b).max(axis=(-2, -1)), None if accel_b is None else np.abs(accel_b).max(axis=(-2, -1))
+    return _peak(problem.gyro_b), None if accel_b is None else _peak(accel_b)
+
+
+def _peak(x: Array) -> Array:
+    """Largest absolute value of each recording, without a copy of it."""
+    return np.maximum(x.max(axis=(-2, -1)), -x.min(axis=(-2, -1)))
 
 
 def saturation_gates(sensor: Sensor | None, peaks: tuple[Array, Array | None]) -> list[Gate]:

@@ -137,6 +137,11 @@ def check(name: str, problem: Problem, options: Options) -> Method:
             f"Roll and pitch were given, but method {name} takes the attitude from the recording itself. "
             "Leave them out, or use --method mean."
         )
+    for what, given in (("Roll and pitch", problem.attitude), ("Turn angles", options.turn_angles)):
+        if given is not None and not np.isfinite(given).all():
+            raise InputError(f"{what} of {given} rad were given; finite angles are expected.")
+    if problem.attitude is not None and np.shape(problem.attitude) != (2,):
+        raise InputError(f"The attitude is {problem.attitude}; roll and pitch, two angles in rad, are expected.")
     if problem.attitude is not None and options.turn_angles is not None:
         raise InputError(
             "Roll and pitch were given together with turn angles: they hold for one pose, the angles for several. "

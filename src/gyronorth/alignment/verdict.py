@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gyronorth.alignment.checks import checks_of
 from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, implied_latitude, judge
 from gyronorth.alignment.motion import MotionStatistics
 from gyronorth.alignment.problem import Problem
@@ -80,7 +81,8 @@ def estimate(
         rate_norm=norm,
         implied_latitude=float(implied_latitude(result.attitude.rate_l)) if norm > 0 else None,
         disturbance=result.disturbance,
-    )
+        checks=checks_of(gates, samples=problem.gyro_b.shape[-2], duration=problem.duration),
+    ).checked()
 
 
 def batch(problem: Problem, groups: Sequence[tuple[Mask, Problem, Result]]) -> HeadingBatch:
@@ -94,7 +96,10 @@ def batch(problem: Problem, groups: Sequence[tuple[Mask, Problem, Result]]) -> H
         failed = np.any([gate.failed for gate in gates], axis=0) if gates else False
         found.heading[where], found.sigma[where] = result.attitude.heading, result.posterior.sigma
         found.low[where], found.high[where] = low, high
-        found.valid[where] = ~(np.asarray(failed) | bool(result.refusals))
+        sound = np.isfinite(result.attitude.heading + result.posterior.sigma + low + high) & (
+            result.posterior.sigma > 0
+        )
+        found.valid[where] = ~(np.asarray(failed) | bool(result.refusals)) & sound
         found.method[where] = result.method
     return found
 

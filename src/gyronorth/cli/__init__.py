@@ -11,8 +11,11 @@ import os
 from gyronorth.cli import (  # noqa: F401  # they join the application
     benchmark_command,
     calibrate_command,
+    explain_command,
     heading_command,
+    import_command,
     live_command,
+    published_command,
     recording_commands,
     sensor_commands,
     train_command,

@@ -10,20 +10,45 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from gyronorth.cli import progress
+from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
+from gyronorth.cli.tasks import ABOUT
+
+#: Panel of the options that every command has.
+PANEL = "How much is said"
+
 
 class Commands(TyperGroup):
-    """Runs a command, turns what it returns into the exit code and what the user got wrong into one message."""
+    """Shows the commands by task, runs one, and turns what it returns into the exit code, an error into one message."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        verbosity = _verbosity()
+        for name, command in self.commands.items():
+            task, examples = ABOUT.get(name, (None, ()))
+            shown: Any = command
+            shown.rich_help_panel = task
+            if examples:  # an empty line between them keeps each on its own line
+                shown.epilog = "\n\n".join(["Examples:", *examples])
+            shown.params += verbosity
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names in the order of the tasks; what no task names comes last."""
+        return sorted(super().list_commands(ctx), key=[*ABOUT, *self.commands].index)
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run the command that the arguments name, and end the process with its exit code."""
         if not standalone_mode:
             return super().main(*args, standalone_mode=False, **extra)
+        progress.level = NORMAL
         if sys.stdout is None:  # a service may be started without it
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # for as long as the command runs
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # a file name may not fit the terminal's encoding
+        given = list(args[0] if args and args[0] is not None else extra.pop("args", None) or sys.argv[1:])
+        given = with_bare_increments(given)
         try:
-            code = super().main(*args, standalone_mode=False, **extra)
+            code = super().main(given, *args[1:], standalone_mode=False, **extra)
             sys.stdout.flush()
         except BrokenPipeError:
             sys.stdout = None  # type: ignore[assignment]  # whoever read us has gone: nothing is left to flush
@@ -31,14 +56,23 @@ class Commands(TyperGroup):
         except (KeyboardInterrupt, typer.Abort):
             _fail("interrupted", 130)
         except Exception as error:
-            message = _user_error(error)
-            if message is None:
+            message = _user_error(error, given)
+            if message is None or progress.level == VERBOSE:
                 raise
             _fail(message, 2)
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _user_error(error: Exception) -> str | None:
+def with_bare_increments(arguments: list[str]) -> list[str]:
+    """The arguments with `--increments` alone meaning those of both sensors."""
+    behind = [*arguments[1:], ""]
+    return [
+        "--increments=both" if word == "--increments" and after not in ("gyro", "accel", "both") else word
+        for word, after in zip(arguments, behind, strict=True)
+    ]
+
+
+def _user_error(error: Exception, arguments: list[str]) -> str | None:
     """The message of an error the user can cure, None for a fault of ours."""
     from gyronorth.errors import InputError
 
@@ -48,7 +82,8 @@ def _user_error(error: Exception) -> str | None:
         # Some versions let a word of pydantic's through.
         return error.format_message().replace("Value error, ", "") + hint  # type: ignore[attr-defined]
     if isinstance(error, InputError):
-        return str(error)
+        # A reader's question ends in the command that would settle it.
+        return error.for_command(arguments) if hasattr(error, "for_command") else str(error)  # type: ignore[attr-defined]
     if isinstance(error, OSError):
         return f"{error.filename or 'output'}: {error.strerror or error}."
     if isinstance(error, MemoryError):
@@ -57,14 +92,55 @@ def _user_error(error: Exception) -> str | None:
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    typer.echo(f"error: {message}", err=True)
+    from gyronorth.report.wording import printable
+
+    typer.echo(f"error: {printable(message)}", err=True)
     sys.exit(code)
+
+
+def _set_level(level: int) -> Any:
+    """A callback of a flag: how much is said."""
+
+    def chosen(given: bool) -> None:
+        if given:
+            progress.level = level
+
+    return chosen
+
+
+def _verbosity() -> list[Any]:
+    """The options -q and -v, as this version of typer makes them."""
+    apart = typer.Typer(add_completion=False)
+
+    @apart.command()
+    def _sample(
+        quiet: bool = typer.Option(
+            False,
+            "-q",
+            "--quiet",
+            callback=_set_level(QUIET),
+            expose_value=False,
+            rich_help_panel=PANEL,
+            help="No progress on standard error: results and errors only.",
+        ),
+        verbose: bool = typer.Option(
+            False,
+            "-v",
+            "--verbose",
+            callback=_set_level(VERBOSE),
+            expose_value=False,
+            rich_help_panel=PANEL,
+            help="The time of each step on standard error, and where in the program an error arose.",
+        ),
+    ) -> None: ...
+
+    return typer.main.get_command(apart).params
 
 
 app = typer.Typer(
     cls=Commands,
     help="True north from a gyroscope that stands still, with an uncertainty that can be believed.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -80,6 +156,11 @@ def _version(show: bool) -> None:
 
 @app.callback()
 def _global_options(
-    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Show the version."),
+    context: typer.Context,
+    version: bool = typer.Option(  # noqa: ARG001 - its callback acts
+        False, "--version", callback=_version, is_eager=True, help="Show the version."
+    ),
 ) -> None:
     """True north from a gyroscope that stands still, with an uncertainty that can be believed."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())

@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.progress import units_done
 
 
+class Selection(StrEnum):
+    """What chooses the epoch of a network."""
+
+    validation = "validation"
+    test = "test"
+    last = "last"
+    leak = "leak"
+
+
 @app.command()
 def benchmark(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="paper, published, turned, disturbed or stress.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME", autocompletion=completion.benchmark, help="paper, published, turned, disturbed or stress."
+        ),
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Results; what is there is kept.")],
-    study: Annotated[list[str] | None, typer.Option(metavar="STUDY", help="Only this study; repeatable.")] = None,
+    study: Annotated[
+        list[str] | None,
+        typer.Option(metavar="STUDY", autocompletion=completion.study, help="Only this study; repeatable."),
+    ] = None,
     data: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Public recordings of your own clone; else the shipped twin.")
     ] = None,
@@ -29,32 +48,49 @@ def benchmark(
     network_splits: Annotated[int | None, typer.Option(min=1, metavar="N", help="Random splits with networks.")] = None,
     seeds: Annotated[int | None, typer.Option(min=1, metavar="N", help="Trainings of each variant.")] = None,
     epochs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Most epochs of a training.")] = None,
+    selection: Annotated[
+        Selection, typer.Option(help="What chooses a network's epoch; all but validation are labelled in the results.")
+    ] = Selection.validation,
 ) -> None:
     """Run the studies of a benchmark: one result file per unit of work, then JSON, Markdown and figures.
 
     An interrupted run is continued; a unit that is finished is not run again.
     """
+    from gyronorth.cli.options import check_drawing
     from gyronorth.files import no_empty_folder
+    from gyronorth.many.workers import executor_on
     from gyronorth.report.study_figures import write_study_figures
     from gyronorth.studies.benchmark import run_benchmark, studies_of
+    from gyronorth.studies.expected import told as told_before
+    from gyronorth.studies.source import passed_over_text
     from gyronorth.studies.study import StudyPlan
 
+    check_drawing("gyronorth benchmark")
     values: dict[str, Any] = {
         "seed": seed,
         "splits": splits,
         "network_splits": network_splits,
         "seeds": seeds,
         "epochs": epochs,
+        "selection": selection.value,
     }
     values["data"] = None if data is None else str(data)
     plan = StudyPlan(
         **{field.name: values[field.name] for field in fields(StudyPlan) if values[field.name] is not None}
     )
     studies_of(name, tuple(study or ()))
-    plan.source()  # both refuse before any work
-    with no_empty_folder(output), units_done() as progress:
-        written = run_benchmark(
-            name, output, only=tuple(study or ()), plan=plan, scheduler=scheduler, workers=workers, progress=progress
-        )
+    passed_over = plan.source().get("data", {}).get("passed_over")  # both refuse before any work
+    told = [passed_over_text(passed_over) if passed_over else "", plan.cut_short() if name == "paper" else ""]
+    for line in filter(None, told):
+        typer.echo(line.replace("**", ""), err=True)
+    if name == "paper":
+        jobs = [job for one in studies_of(name, tuple(study or ())) for job in one.units(plan)]
+        typer.echo(told_before(jobs, output, workers), err=True)
+    with (
+        no_empty_folder(output),
+        executor_on(scheduler, workers=workers) as executor,
+        units_done() as progress,
+    ):
+        written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
     for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))

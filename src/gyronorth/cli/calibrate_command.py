@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import Json, check_outputs, print_json, with_reading
+from gyronorth.cli.options import Force, Json, check_outputs, print_json, with_reading, written
 from gyronorth.cli.progress import files_done, working
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ def calibrate(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Recordings of one session at known headings.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PROFILE", help="Deviation curve to write (JSON).")],
     as_json: Json = False,
+    force: Force = False,
     *,
     reading: ReadOptions,
 ) -> None:
@@ -36,7 +37,7 @@ def calibrate(
     from gyronorth.errors import InputError
     from gyronorth.report.calibrations import print_calibration
 
-    check_outputs({"-o": (output, (".json",))})
+    check_outputs({"-o": (output, (".json",))}, kept=() if force else ("-o",))
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder; give one with recordings at known headings.")
     try:
@@ -53,3 +54,4 @@ def calibrate(
         print_json(found.to_json())
     else:
         print_calibration(found, sys.stdout)
+    written(output)

@@ -1,10 +1,10 @@
-"""gyronorth heading: one recording, or a folder of them, to headings with a verdict."""
+"""gyronorth heading: one recording, or many of them, to headings with a verdict."""
 
 from __future__ import annotations
 
+import shlex
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import ExitStack
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +13,16 @@ import typer
 
 from gyronorth.cli.app import app
 from gyronorth.cli.correction import AnySession, Deviation, GyroBias, check_bias, curve_and_method
+from gyronorth.cli.many_options import (
+    Place,
+    Resume,
+    Scheduler,
+    Sources,
+    Windows,
+    Workers,
+    check_not_read,
+    kept_table,
+)
 from gyronorth.cli.options import (
     DEG_PER_HOUR,
     OUTPUT,
@@ -22,19 +32,21 @@ from gyronorth.cli.options import (
     MethodName,
     Pitch,
     Plot,
+    RequireSigma,
     Roll,
     SensorName,
     angles,
     check_outputs,
     print_json,
     with_reading,
+    written,
 )
-from gyronorth.cli.progress import files_done, reading_file, working
+from gyronorth.cli.progress import reading_file, recordings_done, working
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
-    from gyronorth.deviation import DeviationModel
     from gyronorth.estimate import HeadingEstimate
+    from gyronorth.many import Request
     from gyronorth.readers import ReadOptions
     from gyronorth.recording import Recording
     from gyronorth.report.tables import Outcome
@@ -44,55 +56,31 @@ if TYPE_CHECKING:
 SHORTEST_ALLAN = 100
 
 #: Exit codes.
-VALID, BAD_INPUT, REFUSED = 0, 2, 3
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked of every recording; SI units and radians."""
-
-    reading: ReadOptions
-    sensor: Sensor | None
-    method: str
-    gyro_bias: tuple[float, float, float] | None  # rad/s, body axes
-    attitude: tuple[float, float] | None  # roll, pitch, rad
-    model: Path | None = None  # bundle
-    turn_angles: tuple[float, ...] | None = None  # rad
-    deviation: DeviationModel | None = None
-
-    def read(self, path: Path, progress: Callable[[float], None] | None = None) -> Recording:
-        """The recording, less its known bias."""
-        from gyronorth import readers
-
-        recording = readers.read(path, self.reading, progress=progress)
-        return recording if self.gyro_bias is None else recording.without_bias(self.gyro_bias)
-
-    def heading(self, recording: Recording) -> HeadingEstimate:
-        """What the pipeline finds."""
-        from gyronorth import pipeline
-
-        return pipeline.heading(
-            recording,
-            latitude=self.reading.latitude,
-            sensor=self.sensor,
-            method=self.method,
-            model=self.model,
-            attitude=self.attitude,
-            turn_angles=self.turn_angles,
-            deviation=self.deviation,
-        )
+VALID, REFUSED = 0, 3
+TABLE_SUFFIXES, PAGE_SUFFIXES = (".csv", ".parquet", ".pq"), (".html", ".htm")
+#: Most rows that are printed; of more, the summary alone.
+SHOWN = 500
 
 
 @app.command()
 @with_reading
 def heading(
-    source: Annotated[Path, typer.Argument(metavar="FILE|FOLDER", help="A recording, or a folder of recordings.")],
+    sources: Sources,
     sensor: SensorName = None,
     method: MethodName = "auto",
     as_json: Json = False,
     csv: Annotated[
-        Path | None, typer.Option(metavar="OUT.csv", help="Write a table, one row per file.", rich_help_panel=OUTPUT)
+        Path | None,
+        typer.Option(metavar="OUT.csv", help="Write a table, one row per recording.", rich_help_panel=OUTPUT),
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.csv|.parquet", help="The same as CSV or Parquet.", rich_help_panel=OUTPUT),
+    ] = None,
+    resume: Resume = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    windows: Windows = None,
     plot: Plot = None,
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.", rich_help_panel=OUTPUT)
@@ -120,55 +108,87 @@ def heading(
     ] = None,
     deviation: Deviation = None,
     any_session: AnySession = False,
+    require_sigma: RequireSigma = None,
     *,
     reading: ReadOptions,
 ) -> int:
-    """Find the heading of a recording, or of every recording in a folder.
+    """Find the heading of a recording, or of each of many.
 
     Exit code 0: a valid heading. 2: bad input. 3: no valid heading; the reasons are printed.
-    For a folder: 2 if any file could not be read, else 3 if any heading is not valid, else 0.
+    For many: 2 if any could not be read, else 3 if any heading is not valid, else 0.
     """
     from gyronorth.errors import InputError
-    from gyronorth.readers import is_bag_folder
+    from gyronorth.many import Request
+    from gyronorth.many.sources import names_one, recordings
 
     if as_json and nmea:
         raise InputError("--json and --nmea both print to standard output; give one of them.")
     if (roll is None) != (pitch is None):
         raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
-    suffixes = (".html", ".htm")
-    check_outputs({"--csv": (csv, ()), "--plot": (plot, PLOT_SUFFIXES), "--report": (report, suffixes)}, source=source)
-    folder = source.is_dir() and not is_bag_folder(source)
-    if folder:
+    outputs = {"--csv": (csv, ()), "--out": (out, TABLE_SUFFIXES), "--plot": (plot, PLOT_SUFFIXES)}
+    many = len(sources) > 1 or resume or windows is not None or not names_one(sources[0])
+    check_outputs(outputs | {"--report": (report, PAGE_SUFFIXES)}, source=None if many else Path(sources[0]))
+    kept = _table_to_keep(csv, out, resume=resume, as_json=as_json)
+    if many:
         single = [name for name, given in (("--plot", plot), ("--report", report), ("--nmea", nmea)) if given]
         if single:
-            raise InputError(f"{single[0]} takes one recording, and {source} is a folder; --csv writes its table.")
+            what = f"{sources[0]} is a folder" if Path(sources[0]).is_dir() else "these are many"
+            raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
+    elif kept is not None:
+        check_not_read(kept, recordings(sources))
     attitude = None if roll is None else (roll, pitch)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     if biased and method == "learned" and model is not None:
         check_bias(model)
-    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve)
-    if folder:
-        return _folder(source, request, as_json=as_json, csv=csv)
-    return _file(source, request, as_json=as_json, nmea=nmea, csv=csv, plot=plot, report=report)
+    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve, require_sigma)
+    if many:
+        place = Place(scheduler, workers)
+        return _many(sources, request, place, as_json=as_json, kept=kept, resume=resume, windows=windows)
+    return _file(sources[0], request, as_json=as_json, nmea=nmea, kept=kept, plot=plot, report=report)
+
+
+def _table_to_keep(csv: Path | None, out: Path | None, *, resume: bool, as_json: bool) -> Path | None:
+    """The table that is asked for, by either name."""
+    from gyronorth.errors import InputError
+
+    if csv is not None and out is not None:
+        raise InputError("--csv and --out both write the table; give one of them.")
+    if resume and csv is None and out is None:
+        raise InputError("--resume goes on with a table, and none is given: add --out FILE.")
+    if resume and as_json:
+        raise InputError("--resume finds only what is missing, and --json prints all; give one of them.")
+    return out if csv is None else csv
 
 
 def _file(
-    path: Path, request: Request, *, as_json: bool, nmea: bool, csv: Path | None, plot: Path | None, report: Path | None
+    address: str,
+    request: Request,
+    *,
+    as_json: bool,
+    nmea: bool,
+    kept: Path | None,
+    plot: Path | None,
+    report: Path | None,
 ) -> int:
     """One recording: its heading to standard output and the files asked for."""
-    from gyronorth.report.tables import Outcome, write_csv
+    from gyronorth.many.remote import at_hand, checksum_of
+    from gyronorth.report.tables import Outcome
 
-    with reading_file(path) as progress:
-        recording = request.read(path, progress)
-    with working("finding north"):
-        estimate = request.heading(recording)
-    outcome = Outcome(str(path), estimate, heading_true=recording.heading_true)
-    if plot is not None or report is not None:
-        with working("drawing"):
-            _draw(outcome, recording, request, plot=plot, report=report)
-    if csv is not None:
-        write_csv([outcome], csv)
+    with at_hand(address) as path:
+        with reading_file(path) as progress:
+            recording = request.read(path, progress)
+        with working("finding north"):
+            estimate = request.heading(recording)
+        outcome = Outcome(address, estimate, heading_true=recording.heading_true, read_as=recording.read_as)
+        if plot is not None or report is not None:
+            with working("drawing"):
+                _draw(outcome, recording, request, plot=plot, report=report)
+        if kept is not None:
+            from gyronorth.many.table import write_table
+
+            settings = request.settings()
+            write_table(kept, settings, [outcome.stamped(checksum_of(path), settings)])
     if as_json:
         print_json(estimate.to_json())
     elif nmea:
@@ -179,6 +199,7 @@ def _file(
         from gyronorth.report.terminal import print_heading
 
         print_heading(outcome, sys.stdout)
+    _tell_written(plot, report, kept)
     return VALID if estimate.valid else REFUSED
 
 
@@ -205,7 +226,8 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
     if report is not None:
         from gyronorth.report.html import heading_page
 
-        page = heading_page(outcome, convergence, deviation=deviation, inputs=_inputs(outcome.file, recording, request))
+        inputs = _inputs(outcome.file, recording, request)
+        page = heading_page(outcome, convergence, deviation=deviation, inputs=inputs, sensor=request.sensor)
         write_text(report, page, errors="backslashreplace")  # a file name may be no UTF-8
 
 
@@ -216,33 +238,59 @@ def _along_time(estimate: HeadingEstimate) -> str:
     return METHODS.info(estimate.method).along_time
 
 
-def _folder(folder: Path, request: Request, *, as_json: bool, csv: Path | None) -> int:
-    """Every recording of a folder: one row each, an unreadable file with its error."""
-    from gyronorth.errors import InputError
-    from gyronorth.readers import recordings_in
-    from gyronorth.report.tables import Outcome, write_csv
+def _many(
+    sources: list[str],
+    request: Request,
+    place: Place,
+    *,
+    as_json: bool,
+    kept: Path | None,
+    resume: bool,
+    windows: tuple[float, float] | None,
+) -> int:
+    """Many recordings: one row each, an unreadable one with its error."""
+    from gyronorth.many.headings import Work, outcomes_of
+    from gyronorth.many.sources import recordings
+    from gyronorth.many.tally import Tally
 
-    outcomes: list[Outcome] = []
-    for path in files_done(recordings_in(folder)):
-        name = str(path.relative_to(folder))
-        try:
-            recording = request.read(path)
-            estimate = request.heading(recording)
-        except (InputError, OSError) as error:
-            outcomes.append(Outcome(name, message=str(error)))
-        else:
-            outcomes.append(Outcome(name, estimate, heading_true=recording.heading_true))
-    if csv is not None:
-        write_csv(outcomes, csv)
+    items = recordings(sources)
+    if kept is not None:
+        check_not_read(kept, items)
+    settings = request.settings(**({} if windows is None else {"windows_s": windows}))
+    work = Work(request, settings, checksums=kept is not None, windows=windows)
+    tally, found = Tally(), []  # one document or row for each; no estimate is kept
+    with ExitStack() as stack:
+        rows = None if kept is None else stack.enter_context(kept_table(kept, settings, resume, windows is not None))
+        executor = stack.enter_context(place.executor())
+        done = stack.enter_context(recordings_done(len(items)))
+        for item, outcomes in outcomes_of(items, work, executor, None if rows is None else rows.done()):
+            if rows is not None:
+                rows.add(outcomes)
+            tally.add(outcomes)
+            if as_json or len(found) <= SHOWN:
+                found += [(item.name, outcome) for outcome in outcomes]
+            done(item.name)
+        if rows is not None:
+            rows.finish([item.name for item in items])
+            tally = Tally.of_table(rows)
+    order = {item.name: number for number, item in enumerate(items)}
+    shown = [outcome for _, outcome in sorted(found, key=lambda pair: order[pair[0]])]
     if as_json:
-        print_json([outcome.document() for outcome in outcomes])
-    else:
+        print_json([outcome.document() for outcome in shown])
+        return tally.exit_code()
+    if len(shown) <= SHOWN and shown:
         from gyronorth.report.terminal import print_folder
 
-        print_folder(outcomes, sys.stdout)
-    if any(outcome.estimate is None for outcome in outcomes):
-        return BAD_INPUT
-    return VALID if all(outcome.estimate and outcome.estimate.valid for outcome in outcomes) else REFUSED
+        print_folder(shown, sys.stdout)
+    typer.echo(tally.summary(), err=True)
+    _tell_written(kept)
+    return tally.exit_code()
+
+
+def _tell_written(*paths: Path | None) -> None:
+    for path in paths:
+        if path is not None:
+            written(path)
 
 
 def _sensor(name_or_file: str | None) -> Sensor | None:
@@ -266,10 +314,22 @@ def _deviation(recording: Recording, estimate: HeadingEstimate) -> AllanDeviatio
     return allan_deviation(gyro_b, rate_hz=recording.rate_hz)
 
 
+def _checksum(path: Path) -> str:
+    import hashlib
+
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str, str]]:
     """What the user declared and what the file says, for the report."""
     reading = request.reading
-    inputs = [("file", file), ("method asked for", request.method)]
+    inputs = [("command", shlex.join(["gyronorth", *sys.argv[1:]])), ("file", file)]
+    if Path(file).is_file():  # a bag may be a folder
+        inputs.append(("SHA-256 of the file", _checksum(Path(file))))
+    if recording.start_time_utc is not None:
+        inputs.append(("recorded from", recording.start_time_utc))
+    inputs.append(("method asked for", request.method))
     if reading.window is not None:
         inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
     names = ("axes", "gyro_unit", "accel_unit", "variable", "topic", "protocol")
@@ -286,6 +346,8 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     if request.gyro_bias is not None:
         bias = ", ".join(f"{value / DEG_PER_HOUR:g}" for value in request.gyro_bias)
         inputs.append(("gyro bias subtracted", f"{bias} deg/h"))
+    if request.require_sigma is not None:
+        inputs.append(("sigma required", f"{degrees(request.require_sigma):g}°"))
     if request.attitude is not None:
         inputs.append(("roll and pitch given", ", ".join(f"{degrees(angle):g}°" for angle in request.attitude)))
     if recording.session is not None:

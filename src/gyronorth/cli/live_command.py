@@ -1,34 +1,47 @@
-"""gyronorth live: the heading of a stream of lines, on a page, as NMEA or as JSON lines, with its recording."""
+"""gyronorth live: the heading of what a unit sends, on a page, as NMEA or as JSON lines, with its recording."""
 
 from __future__ import annotations
 
+import logging
 import sys
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gyronorth.catalogue import NMEA_SETS
 from gyronorth.cli.app import app
+from gyronorth.cli.config import take_config
 from gyronorth.cli.correction import AnySession, Deviation, GyroBias, curve_and_method
+from gyronorth.cli.live_options import LEVELS, latitude_or_receiver, log_level_name, nmea_set_name
 from gyronorth.cli.options import (
     OUTPUT,
+    SITE,
     MethodName,
+    RequireSigma,
     SensorName,
-    degrees,
     number,
     with_reading,
 )
 
 if TYPE_CHECKING:
     from gyronorth.live.nmea_out import NmeaOut
+    from gyronorth.live.position import Position
     from gyronorth.live.session import Session
     from gyronorth.live.status import Status
     from gyronorth.readers import ReadOptions
 
 #: Options of reading that a line of a stream needs.
-DECLARED = ("latitude", "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns")
+DECLARED = (
+    "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns",
+    "protocol", "increments", "imu", "accel_range",
+)  # fmt: skip
 PAGE = "Page"
+#: The counters are told so often, s, at the level "debug".
+COUNTED = 10.0
+log = logging.getLogger("gyronorth.live")
 #: Whether the session is over is looked at so often, s.
 LOOKS = 0.1
 
@@ -43,6 +56,33 @@ def live(
             help="A file to replay, - for standard input, tcp:HOST:PORT, udp:[HOST:]PORT, serial:DEV[:BAUD].",
         ),
     ],
+    latitude: Annotated[
+        Any,
+        typer.Option(
+            metavar="DEG|tcp:|udp:|serial:",
+            parser=latitude_or_receiver,
+            help="Geodetic latitude, north positive, or a receiver's stream of GGA or RMC; may come from the source.",
+            rich_help_panel=SITE,
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            callback=take_config,
+            is_eager=True,
+            help="Take options from a file, by their names; the command line beats it.",
+        ),
+    ] = None,
+    log_level: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(LEVELS),
+            parser=log_level_name,
+            help="What is told on standard error.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = "info",
     sensor: SensorName = None,
     method: MethodName = "auto",
     gyro_bias: GyroBias = None,
@@ -51,7 +91,7 @@ def live(
     speed: Annotated[
         Any,
         typer.Option(
-            metavar="X", parser=number("a positive factor", "20", above=0), help="Replay a file so many times faster."
+            metavar="X", parser=number("a positive factor", "20", above=0), help="Replay speed factor of a file."
         ),
     ] = 1.0,
     save: Annotated[
@@ -68,11 +108,20 @@ def live(
     nmea_out: Annotated[
         str | None,
         typer.Option(
-            metavar="tcp|udp:HOST:PORT",
-            help="Serve (tcp) or send (udp) HETHS, HEHDT and a status sentence.",
+            metavar="tcp|udp:HOST:PORT|serial:DEV[:BAUD]",
+            help="Serve (tcp) or send (udp, serial) NMEA 0183 sentences.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
+    nmea_set: Annotated[
+        str,
+        typer.Option(
+            metavar="|".join(NMEA_SETS),
+            parser=nmea_set_name,
+            help="Which sentences: " + "; ".join(f"{name} {words}" for name, words in NMEA_SETS.items()) + ".",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = "standard",
     output_rate: Annotated[
         Any,
         typer.Option(
@@ -82,20 +131,17 @@ def live(
             rich_help_panel=OUTPUT,
         ),
     ] = 1.0,
-    require_sigma: Annotated[
-        Any,
-        typer.Option(
-            metavar="DEG",
-            parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
-            help="Give out no heading with a larger sigma.",
-        ),
-    ] = None,
+    require_sigma: RequireSigma = None,
     page: Annotated[
         bool,
         typer.Option(
             "--page/--no-page", help="Serve the page; without it a replay ends with the file.", rich_help_panel=PAGE
         ),
     ] = True,
+    api: Annotated[
+        bool,
+        typer.Option("--api", help="Without the page, serve its addresses for programs.", rich_help_panel=PAGE),
+    ] = False,
     host: Annotated[
         str,
         typer.Option(
@@ -128,32 +174,63 @@ def live(
     from gyronorth.errors import InputError
     from gyronorth.live import nmea_out as nmea
     from gyronorth.live.binding import allow_descriptors
+    from gyronorth.live.position import Position
     from gyronorth.live.recorder import check_place
     from gyronorth.live.session import LiveSettings, Session
     from gyronorth.live.sources import open_source
     from gyronorth.sensor import read_sensor
 
+    if not log.handlers:
+        log.addHandler(logging.StreamHandler())
+    del config  # its values are those of the other options by now
+    log.setLevel(log_level.upper())
     if save is not None:
         check_place(save)
     allow_descriptors()
+    receiver = Position(open_source(latitude, reading, speed=1)) if isinstance(latitude, str) else None
+    reading = replace(reading, latitude=None if receiver else latitude)
     opened = open_source(source, reading, speed=speed)
-    if reading.latitude is None and source.startswith(("tcp:", "udp:", "serial:")):
+    if reading.latitude is None and receiver is None and source.startswith(("tcp:", "udp:", "serial:")):
         raise InputError(
             "The latitude is not known. Pass --latitude DEG (north positive); Earth rate cannot be read without it."
         )
     profile = None if sensor is None else read_sensor(sensor)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    session = Session(opened, LiveSettings(reading, profile, method, gyro_bias, curve, save, require_sigma))
-    server = _page(session, host=host, port=int(port), token=token) if page else None
+    session = Session(opened, LiveSettings(reading, profile, method, gyro_bias, curve, save, require_sigma, receiver))
+    server = _server(session, host=host, port=int(port), token=token, page=page) if page or api else None
     out = None
     if nmea_out is not None:
-        out = nmea.NmeaOut(nmea.parse_target(nmea_out), rate_hz=output_rate, status=lambda: session.status)
-    return _run(session, server, out, as_json=as_json, interval=1 / output_rate)
+        out = nmea.NmeaOut(
+            nmea.parse_target(nmea_out), rate_hz=output_rate, status=lambda: session.status, kind=nmea_set
+        )
+    if receiver is not None and not _placed(receiver):
+        return 130
+    try:
+        return _run(session, server, out, as_json=as_json, interval=1 / output_rate, ends=not page)
+    finally:
+        if receiver is not None:
+            receiver.close()
 
 
-def _page(session: Session, *, host: str, port: int, token: str | None) -> Any:
-    """The server of the page, listening already."""
+def _placed(receiver: Position) -> bool:
+    """Wait for the first fix; False where the user ends that."""
+    receiver.start()
+    log.info("%s: waiting for a fix of the latitude.", receiver.name)
+    said = ""
+    try:
+        while not receiver.wait(LOOKS):
+            if receiver.trouble and receiver.trouble != said:
+                said = receiver.trouble
+                log.warning("%s: %s", receiver.name, said)
+    except KeyboardInterrupt:
+        receiver.close()
+        return False
+    return True
+
+
+def _server(session: Session, *, host: str, port: int, token: str | None, page: bool) -> Any:
+    """The server, listening already."""
     import errno
     import socket
 
@@ -170,16 +247,18 @@ def _page(session: Session, *, host: str, port: int, token: str | None) -> Any:
             cure = "choose another port with --port, or 0 for any free one"
         raise InputError(f"The page cannot listen on {host}:{port} ({error.strerror or error}): {cure}.") from None
     try:
-        from gyronorth.live.serving import PageServer
+        from gyronorth.live.serving import Server
+
+        return Server(session, listener, host=host, token=token, page=page)
     except ImportError as error:
         listener.close()
         raise InputError(
-            f"The page needs {error.name}, which is not installed: pip install 'gyronorth[live]', or pass --no-page."
+            f"{'The page' if page else '--api'} needs {error.name}, which is not installed: pip install "
+            f"'gyronorth[{'live' if page else 'api'}]', or {'pass --no-page' if page else 'leave it out'}."
         ) from None
-    return PageServer(session, listener, host=host, token=token)
 
 
-def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, interval: float) -> int:
+def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, interval: float, ends: bool) -> int:
     """Until the source ends, or the user ends it."""
     import signal
     import time
@@ -193,14 +272,18 @@ def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, i
         out.start()
     if server is not None:
         server.start()
-        print(f"page: {server.url}", file=sys.stderr, flush=True)
+        print(f"{'api' if ends else 'page'}: {server.url}", file=sys.stderr, flush=True)
+    counted = time.monotonic()
     try:
         while not finish.wait(min(interval, LOOKS)):
             said = _say(session, said)
             if as_json and time.monotonic() >= due:
                 _print(session)
                 due = max(due + interval, time.monotonic())
-            if session.error is not None or (server is None and session.ended.is_set()):
+            if time.monotonic() - counted > COUNTED:
+                counted = time.monotonic()
+                log.debug("%s: %s", session.status.source, session.status.counters)
+            if session.error is not None or (ends and session.ended.is_set()):
                 break
             if server is not None and server.failed:
                 break
@@ -220,7 +303,7 @@ def _say(session: Session, said: str) -> str:
     status = session.status
     news = status.trouble or status.message
     if news and news not in (said, "connecting") and session.error is None:
-        print(f"{status.source}: {news}", file=sys.stderr, flush=True)
+        log.log(logging.WARNING if status.trouble else logging.INFO, "%s: %s", status.source, news)
     return news
 
 
@@ -284,7 +367,7 @@ def _what_came(status: Status) -> str:
     if count.implausible:
         return f"{text} Check --gyro-unit and --accel-unit."
     return (
-        f"{text} Rows of numbers with commas between them are expected, below a header such as t,w_x,w_y,w_z,f_x,f_y,"
-        "f_z, or without one of 3, 4, 6 or 7 numbers; --columns declares others. Most likely this is not the output "
-        "of the sensor, or comes at another baud rate or in binary form."
+        f"{text} Frames of a known protocol are expected, or rows of numbers with commas between them, below a header "
+        "such as t,w_x,w_y,w_z,f_x,f_y,f_z, or without one of 3, 4, 6 or 7 numbers; --columns declares others. Most "
+        "likely this is not the output of the sensor, or comes at another baud rate."
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import wraps
 from math import inf, isfinite, radians
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import METHODS
+from gyronorth.cli import completion
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -46,6 +47,7 @@ MethodName = Annotated[
         "--method",
         metavar="|".join(info.name for info in METHODS),
         parser=method_name,
+        autocompletion=completion.method,
         help="; ".join(f"{info.name}: {info.summary}" for info in METHODS) + ".",
     ),
 ]
@@ -165,17 +167,45 @@ Rate = Annotated[
 SensorName = Annotated[
     str | None,
     typer.Option(
-        "--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.", rich_help_panel=SITE
+        "--sensor",
+        metavar="NAME|FILE",
+        autocompletion=completion.sensor,
+        help="Sensor profile; `gyronorth sensors` lists them.",
+        rich_help_panel=SITE,
     ),
 ]
 RequiredSensor = Annotated[
-    str, typer.Option("--sensor", metavar="NAME|FILE", help="Sensor profile; `gyronorth sensors` lists them.")
+    str,
+    typer.Option(
+        "--sensor",
+        metavar="NAME|FILE",
+        autocompletion=completion.sensor,
+        help="Sensor profile; `gyronorth sensors` lists them.",
+    ),
+]
+RequireSigma = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
+        help="Give out no heading with a larger sigma.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
     Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
 ]
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+_per_count = number("a number of units in one count", "6.1e-5")
+
+
+def _declares(metavar: str, text: str, parser: Callable[[str], Any] | None = None) -> tuple[Any, None]:
+    """Annotation and default of an option that declares something about the file."""
+    option = typer.Option(metavar=metavar, parser=parser, help=text, rich_help_panel=FILE)
+    return Annotated[str | None if parser is None else Any, option], None
+
 
 #: What `with_reading` adds to a command: option name -> (annotation, default).
 READING: dict[str, tuple[Any, Any]] = {
@@ -192,7 +222,10 @@ READING: dict[str, tuple[Any, Any]] = {
         Annotated[
             str | None,
             typer.Option(
-                metavar="AXES", help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.", rich_help_panel=FILE
+                metavar="AXES",
+                autocompletion=completion.axes,
+                help="Axes of the file: frd, flu, rfu, ... or as +y+x-z.",
+                rich_help_panel=FILE,
             ),
         ],
         None,
@@ -209,18 +242,20 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
-    "gyro_unit": (
-        Annotated[str | None, typer.Option(metavar="UNIT", help="deg/s, rad/s or deg/h.", rich_help_panel=FILE)],
-        None,
+    "gyro_unit": _declares("UNIT", "deg/s, rad/s, deg/h, mdeg/s, mrad/s or arcsec/s."),
+    "accel_unit": _declares("UNIT", "m/s2, g, mg, ug or cm/s2."),
+    "gyro_scale": _declares("UNITS", "Gyro units in one count of the file.", _per_count),
+    "accel_scale": _declares("UNITS", "Accelerometer units in one count of the file.", _per_count),
+    "increments": _declares(
+        "[gyro|accel|both|none]", "The file holds increments per sample, not rates; of both sensors if none is named."
     ),
-    "accel_unit": (Annotated[str | None, typer.Option(metavar="UNIT", help="m/s2 or g.", rich_help_panel=FILE)], None),
-    "increments": (
-        Annotated[
-            bool,
-            typer.Option("--increments", help="The file holds increments per sample, not rates.", rich_help_panel=FILE),
-        ],
-        False,
+    "increment_interval": _declares(
+        "SECONDS",
+        "Time that an increment covers, where it is not the sample interval.",
+        number("a positive time in seconds", "0.005", above=0),
     ),
+    "time_unit": _declares("UNIT", "Unit of the time column: s, ms, us or ns."),
+    "preset": _declares("NAME|FILE", "Declarations of a program's files, by name or from a file that import saved."),
     "columns": (
         Annotated[
             Any,
@@ -253,12 +288,56 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
+    "accel": (
+        Annotated[
+            Path | None,
+            typer.Option(
+                metavar="FILE",
+                help="The accelerometer's file, where the gyro has one of its own; joined on time.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "accel_topic": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME",
+                help="The accelerometer's topic, where the gyro has one of its own.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
     "protocol": (
         Annotated[
             str | None,
             typer.Option(
                 metavar="NAME",
+                autocompletion=completion.protocol,
                 help="Protocol of a capture of a unit's frames; by default told by their checksums.",
+                rich_help_panel=FILE,
+            ),
+        ],
+        None,
+    ),
+    "imu": (
+        Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME", help="IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300.", rich_help_panel=FILE
+            ),
+        ],
+        None,
+    ),
+    "accel_range": (
+        Annotated[
+            Any,
+            typer.Option(
+                metavar="G",
+                parser=number("a range of 5, 10, 30 or 80 g", "10", low=5, high=80),
+                help="Accelerometer range of STIM datagrams, g.",
                 rich_help_panel=FILE,
             ),
         ],
@@ -311,17 +390,26 @@ def _read_options(values: dict[str, Any]) -> ReadOptions:
     from gyronorth.readers import ReadOptions
 
     given = {name: value for name, value in values.items() if value is not None}
-    fields = {"rate_hz" if name == "rate" else name: value for name, value in given.items()}
+    named = {"rate": "rate_hz", "accel": "accel_file", "accel_range": "accel_range_g"}
+    fields = {named.get(name, name): value for name, value in given.items()}
     for option, (field, value) in zip(given, fields.items(), strict=True):
+        with_it: dict[str, Any] = (
+            {"increments": True} if field == "increment_interval" and fields.get("increments") else {}
+        )
         try:
-            ReadOptions(**{field: value})
+            ReadOptions(**{field: value}, **with_it)
         except InputError as error:
             raise typer.BadParameter(str(error), param_hint=f"'--{option.replace('_', '-')}'") from None
     return ReadOptions(**fields)
 
 
-def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, source: Path | None = None) -> None:
-    """Refuse, before any work, outputs that could not be written or would overwrite the input or each other.
+def check_outputs(
+    outputs: dict[str, tuple[Path | None, tuple[str, ...]]],
+    *,
+    source: Path | None = None,
+    kept: Collection[str] = (),
+) -> None:
+    """Refuse, before any work, outputs that could not be written or would overwrite the input, each other or a work.
 
     Parameters
     ----------
@@ -329,6 +417,8 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
         Option name -> (path or None, the suffixes it may have; none given: any).
     source : Path, optional
         The recording that is read.
+    kept : collection of str
+        Options whose file is not overwritten: recordings, profiles, bundles, where `--force` is not given.
     """
     from gyronorth.errors import InputError
 
@@ -336,6 +426,8 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
     for option, (path, suffixes) in outputs.items():
         if path is None:
             continue
+        if option in ("--plot", "--report"):
+            check_drawing(option)
         if suffixes and path.suffix.lower() not in suffixes:
             raise InputError(f"{option} {path}: the name must end in {' or '.join(suffixes)}.")
         if path.is_dir():
@@ -344,7 +436,31 @@ def check_outputs(outputs: dict[str, tuple[Path | None, tuple[str, ...]]], *, so
             raise InputError(f"{option} {path}: the folder {path.parent} does not exist; make it first.")
         if path.resolve() in taken:
             raise InputError(f"{option} {path} is {taken[path.resolve()]}; choose another name.")
+        if option in kept and path.is_file():
+            raise InputError(f"{option} {path} exists. Give another name, or --force to overwrite it.")
         taken[path.resolve()] = f"also what {option} writes"
+
+
+def written(path: Path) -> None:
+    """Say on standard error what was written, devices and pipes left out."""
+    from gyronorth.report.wording import printable
+
+    if path.is_file() or path.is_dir():
+        typer.echo(f"wrote {printable(str(path))}", err=True)
+
+
+def check_drawing(what: str) -> None:
+    """Refuse what draws if the libraries of the extra `report` are not installed."""
+    from importlib.util import find_spec
+
+    from gyronorth.errors import InputError
+
+    missing = [module for module in ("matplotlib", "jinja2") if find_spec(module) is None]
+    if missing:
+        raise InputError(
+            f"{what} needs {' and '.join(missing)}, which the small installation leaves out. "
+            "Install it with: pip install 'gyronorth[report]'."
+        )
 
 
 def print_json(document: Any) -> None:

@@ -1,18 +1,37 @@
-"""What is going on, on standard error, and only when that is a terminal."""
+"""What is going on, on standard error: a display where that is a terminal, or the time of each step."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+QUIET, NORMAL, VERBOSE = range(3)
+#: How much is said; the options -q and -v of every command set it.
+level = NORMAL
+
+
+def _displayed() -> bool:
+    return level == NORMAL and sys.stderr.isatty()
+
+
+@contextmanager
+def _timed(text: str) -> Iterator[None]:
+    """One line with the time of a step when it is done, with -v."""
+    start = time.perf_counter()
+    yield
+    if level == VERBOSE:
+        print(f"{text}: {time.perf_counter() - start:.3f} s", file=sys.stderr)
 
 
 @contextmanager
 def working(text: str) -> Iterator[None]:
     """A spinner with the time that has passed, gone when the block ends."""
-    if not sys.stderr.isatty():
-        yield
+    if not _displayed():
+        with _timed(text):
+            yield
         return
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -26,15 +45,18 @@ def working(text: str) -> Iterator[None]:
 @contextmanager
 def share_done(text: str) -> Iterator[Callable[[float], None] | None]:
     """A bar of the share of the work that is done, with the time that remains; it is told the share."""
-    if not sys.stderr.isatty():
-        yield None
+    if not _displayed():
+        with _timed(text):
+            yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(text, total=None)
+        from gyronorth.report.wording import printable
+
+        task = progress.add_task(printable(text), total=None)
         yield lambda share: progress.update(task, total=1.0, completed=share)
 
 
@@ -46,27 +68,42 @@ def reading_file(path: Path, *, doing: str = "reading") -> Iterator[Callable[[fl
         yield progress
 
 
-def files_done(paths: Sequence[Path]) -> Iterator[Path]:
-    """The paths one by one, with a bar of how many are done."""
-    if not sys.stderr.isatty():
-        yield from paths
+@contextmanager
+def recordings_done(total: int) -> Iterator[Callable[[str], None]]:
+    """A bar of how many recordings are done, with their rate and the time that remains; it is told each by name."""
+    if not _displayed():
+        yield lambda _name: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False)
+    from gyronorth.report.wording import printable
+
+    rate, name = TextColumn("{task.fields[rate]}"), TextColumn("{task.description}", markup=False)
+    columns = BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn(), name
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("", total=len(paths))
+        task = progress.add_task("", total=total, rate="")
+
+        def show(file: str) -> None:
+            speed = progress.tasks[0].speed
+            told = "" if speed is None else f"{speed:.3g}/s"
+            progress.update(task, advance=1, description=printable(file), rate=told)
+
+        yield show
+
+
+def files_done(paths: Sequence[Path]) -> Iterator[Path]:
+    """The paths one by one, with a bar of how many are done."""
+    with recordings_done(len(paths)) as done:
         for path in paths:
-            progress.update(task, description=path.name)
             yield path
-            progress.advance(task)
+            done(path.name)
 
 
 @contextmanager
 def units_done() -> Iterator[Callable[[str, int, int], None]]:
     """A bar per study; call it with the study's name, the units finished and their total."""
-    if not sys.stderr.isatty():
+    if not _displayed():
         yield lambda *_: None
         return
     from rich.console import Console

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW, WRITTEN_SUFFIXES
+from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
+    Force,
     Json,
     Latitude,
     Pitch,
@@ -23,6 +25,7 @@ from gyronorth.cli.options import (
     number,
     print_json,
     with_reading,
+    written,
 )
 from gyronorth.cli.progress import reading_file, working
 
@@ -90,17 +93,19 @@ def simulate(
         str,
         typer.Option(
             metavar="KIND",
+            autocompletion=completion.disturbance,
             help=f"{', '.join((*KINDS, *SLOW, *PLATFORM))}; not known to any method: {', '.join(HELD_OUT)}.",
         ),
     ] = "quiet",
     no_accel: Annotated[bool, typer.Option("--no-accel", help="Leave the accelerometer out.")] = False,
+    force: Force = False,
 ) -> None:
     """Write a simulated recording of a sensor, with its true heading."""
     import numpy as np
 
     from gyronorth import readers, simulation
 
-    check_outputs({"-o": (output, RECORDING_SUFFIXES)})
+    check_outputs({"-o": (output, RECORDING_SUFFIXES)}, kept=() if force else ("-o",))
     motion = simulation.Motion(turns=tuple(turn or ()), disturbance=disturbance)
     with working("simulating"):
         recording = simulation.simulate(
@@ -116,6 +121,7 @@ def simulate(
             accel=not no_accel,
         )
         readers.write(recording, output)
+    written(output)
 
 
 @app.command()
@@ -151,6 +157,7 @@ def convert(
             help="Average down to this rate, any ratio; the mean is kept exactly.",
         ),
     ] = None,
+    force: Force = False,
     *,
     reading: ReadOptions,
 ) -> None:
@@ -158,7 +165,8 @@ def convert(
     from gyronorth import readers
     from gyronorth.conditioning import decimated_chunks
 
-    check_outputs({"-o": (output, RECORDING_SUFFIXES)}, source=source)
+    check_outputs({"-o": (output, RECORDING_SUFFIXES)}, source=source, kept=() if force else ("-o",))
     with reading_file(source, doing="converting") as progress:
         _, chunks = readers.read_chunks(source, reading, chunk_samples=CHUNK_SAMPLES, progress=progress)
         readers.write_chunks(chunks if decimate_to is None else decimated_chunks(chunks, decimate_to), output)
+    written(output)

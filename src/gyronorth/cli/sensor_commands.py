@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gyronorth.catalogue import METHODS
+from gyronorth.catalogue import ALLAN_EXPORTS, METHODS
 from gyronorth.cli.app import app
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
+    OUTPUT,
     PLOT_SUFFIXES,
+    Force,
     Json,
     Latitude,
     Plot,
@@ -23,6 +25,7 @@ from gyronorth.cli.options import (
     check_outputs,
     print_json,
     with_reading,
+    written,
 )
 from gyronorth.cli.progress import reading_file, share_done, working
 
@@ -38,6 +41,13 @@ def plannable(text: str) -> str:
     """The name of a method that `plan` takes."""
     if text not in PLANNABLE:
         raise typer.BadParameter(f"{text!r} cannot be planned; one of {', '.join(PLANNABLE)} is expected")
+    return text
+
+
+def allan_export(text: str) -> str:
+    """The name of an estimator that a profile is written for."""
+    if text not in ALLAN_EXPORTS:
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(ALLAN_EXPORTS)}")
     return text
 
 
@@ -66,8 +76,18 @@ def allan(
             metavar="NAME|FILE", help="Profile that supplies what the recording cannot show, such as turn-on bias."
         ),
     ] = None,
+    export: Annotated[
+        str | None,
+        typer.Option(
+            metavar="|".join(ALLAN_EXPORTS),
+            parser=allan_export,
+            help="Print the profile for another estimator (YAML) and nothing else.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
     as_json: Json = False,
     plot: Plot = None,
+    force: Force = False,
     *,
     reading: ReadOptions,
 ) -> None:
@@ -77,7 +97,8 @@ def allan(
     from gyronorth.report.sensors import print_characterisation
     from gyronorth.sensor import read_sensor, write_sensor
 
-    check_outputs({"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}, source=source)
+    outputs = {"-o": (output, (".json",)), "--plot": (plot, PLOT_SUFFIXES)}
+    check_outputs(outputs, source=source, kept=() if force else ("-o",))
     base = None if sensor is None else read_sensor(sensor)
     with ExitStack() as stack:
         with reading_file(source) as progress:
@@ -94,10 +115,17 @@ def allan(
 
         with working("drawing"):
             figures.write(figures.characterisation_figure(found), plot)
-    if as_json:
+    if export is not None:
+        from gyronorth.allan.export import EXPORTS
+
+        sys.stdout.write(EXPORTS[export](found.sensor, found.rate_hz))
+    elif as_json:
         print_json(found.to_json())
     else:
         print_characterisation(found, sys.stdout)
+    for path in (output, plot):
+        if path is not None:
+            written(path)
 
 
 @app.command()
@@ -134,3 +162,5 @@ def plan(
         print_plan(planned, sys.stdout)
         if turned is not None:
             print_turns(turned, sys.stdout)
+    if plot is not None:
+        written(plot)

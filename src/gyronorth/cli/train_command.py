@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import with_reading
+from gyronorth.cli.options import Force, with_reading, written
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
+
+
+#: Exit code of what Ctrl-C ended.
+INTERRUPTED = 130
 
 
 class Stage(StrEnum):
@@ -33,26 +37,39 @@ def train(
         Path | None, typer.Option(metavar="FOLDER", help="Recordings at known headings (regressor and all).")
     ] = None,
     config: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Settings, one YAML file; those of the paper without it.")
+        str | None,
+        typer.Option(metavar="FILE|NAME", help="Settings: one YAML file, or paper (default), baseline, cos_sin, own."),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted training, bit for bit.")] = False,
+    force: Force = False,
     *,
     reading: ReadOptions,
-) -> None:
+) -> int:
     """Train the paper's two stages on your own recordings and export a bundle for `heading --model`."""
     from gyronorth.errors import InputError
 
     if find_spec("torch") is None:
         raise InputError("Training needs PyTorch, which is not installed: pip install 'gyronorth[train]'.")
+    if output.is_dir() and any(output.iterdir()) and not (force or resume):
+        raise InputError(f"-o {output} exists. Give another name, or --force to overwrite it.")
     from gyronorth.learn.data import own_data
+    from gyronorth.learn.export import untrained
     from gyronorth.learn.run import run_training
-    from gyronorth.learn.settings import paper, read_settings
+    from gyronorth.learn.settings import settings_of
 
-    settings = paper() if config is None else read_settings(config)
+    settings = settings_of(config)
     own = None if data is None else own_data(data, settings=settings, reading=reading)
-    bundle = run_training(settings, stage.value, own, output, resume, True)
+    try:
+        bundle = run_training(settings, stage.value, own, output, resume, True)
+    except KeyboardInterrupt:
+        typer.echo(f"interrupted: give the same command with --resume to go on from {output}.training", err=True)
+        return INTERRUPTED
+    written(output)
     typer.echo(f"{output}: {bundle.method}, {bundle.layout}")
     if own is not None and own.swing is None:
         typer.echo(f"no correction of the closed form: {own.no_swing}")
     for name, value in bundle.metrics.items():
         typer.echo(f"{name:<36}{'' if value is None else f'{value:.4g}'}")
+    if warning := untrained(bundle.metrics):
+        typer.echo(f"warning: {warning}", err=True)
+    return 0

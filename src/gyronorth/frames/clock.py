@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.arrays import Array, Index
+from gyronorth.arrays import Array, Index, Mask
 from gyronorth.frames.protocol import Fields
 
 #: Rates that units are set to, Hz. A rate measured with a coarse clock that agrees with one of them is that one.
@@ -80,16 +80,20 @@ class Numbering:
             return "counter"
         return "clock" if self._clock and self._interval is not None else "bytes"
 
-    def number(self, fields: Fields, skipped: Index) -> tuple[Index, Array | None]:
-        """Numbers (n,) and times (n,), s from the first sample; `skipped` bytes lie before each frame."""
+    def number(self, fields: Fields, skipped: Index) -> tuple[Index, Array | None, Mask]:
+        """Numbers (n,), times (n,), s from the first sample, and where the clock was set anew.
+
+        `skipped` bytes lie before each frame.
+        """
         n, first = len(fields.gyro), self._number < 0
         expected = 1 + skipped // self._frame_length
-        seconds = np.full(n, np.nan)
+        seconds, jumped = np.full(n, np.nan), np.zeros(n, bool)
         if self._clock and fields.ticks is not None:
             before = int(fields.ticks[0]) if self._ticks is None else self._ticks
             seconds = clock_steps(np.concatenate(([before], fields.ticks)), fields.tick, fields.tick_wrap)
             self._ticks = int(fields.ticks[-1])
-            self.jumps += int(np.isnan(seconds).sum())
+            jumped = np.isnan(seconds)
+            self.jumps += int(jumped.sum())
             if self._interval is not None:
                 by_clock = np.round(seconds / self._interval)
                 expected = np.where(np.isnan(seconds), expected, by_clock)
@@ -107,7 +111,7 @@ class Numbering:
         numbers = self._number + np.cumsum(steps)
         self.lost += int(steps.sum()) - n
         self._number = int(numbers[-1])
-        return numbers, self._times(fields, seconds, steps, first)
+        return numbers, self._times(fields, seconds, steps, first), jumped
 
     def _times(self, fields: Fields, seconds: Array, steps: Index, first: bool) -> Array | None:
         if not self._clock:

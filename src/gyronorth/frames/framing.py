@@ -64,6 +64,11 @@ class Framer:
         self._since_frame = 0  # bytes of no frame since the last one
         self.skipped = 0  # bytes of no frame, in all
 
+    @property
+    def tail(self) -> bytes:
+        """What is not decided yet."""
+        return self._tail.tobytes()
+
     def feed(self, piece: bytes | Bytes, *, last: bool = False) -> Frames:
         """The frames that `piece` completes; with `last`, what is incomplete is given up."""
         new = np.frombuffer(piece, np.uint8) if isinstance(piece, (bytes, bytearray, memoryview)) else piece

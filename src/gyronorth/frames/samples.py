@@ -25,6 +25,7 @@ class Samples:
     sensor_fault: Mask  # (n,) the unit says that an output is not to be trusted
     temperature: Array | None  # (n,) degC
     start: Index  # (n,) byte at which the frame began in the stream
+    jumped: Mask  # (n,) the unit's clock was set anew before this sample: how long it was is not known
 
     def __len__(self) -> int:
         return len(self.gyro)

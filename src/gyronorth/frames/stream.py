@@ -48,6 +48,8 @@ class FrameStream:
         A name of `gyronorth.frames.catalogue.NAMES`.
     options : Options
         What the user declares.
+    facts : sequence of bytes
+        Configuration frames of the same unit that came before, as `facts` gives them.
 
     Raises
     ------
@@ -55,7 +57,7 @@ class FrameStream:
         If the protocol is not known; later, from `feed`, if the stream leaves something open that must be declared.
     """
 
-    def __init__(self, protocol: str, options: Options | None = None) -> None:
+    def __init__(self, protocol: str, options: Options | None = None, facts: Sequence[bytes] = ()) -> None:
         self._protocol = protocol_of(protocol)
         self._info = protocol_info(protocol)
         self._options = options or Options()
@@ -63,7 +65,7 @@ class FrameStream:
         self._held: list[Frames] = []
         self._data_held = 0
         self._layout: int | None = None
-        self._facts: list[Bytes] = []
+        self._facts: list[Bytes] = [np.frombuffer(fact, np.uint8)[None] for fact in facts]
         self._scale = Scale()
         self._rate: float | None = None
         self._rate_from = ""
@@ -80,6 +82,16 @@ class FrameStream:
     def finish(self) -> Samples | None:
         """The samples that were held back at the end of the stream."""
         return self._take(self._framer.feed(b"", last=True), last=True)
+
+    @property
+    def facts(self) -> tuple[bytes, ...]:
+        """The configuration that holds now, as the unit sent it: at most one frame."""
+        return tuple(fact.tobytes() for fact in self._facts[-1:])
+
+    @property
+    def tail(self) -> bytes:
+        """Bytes of which it is not decided yet whether they are a frame."""
+        return self._framer.tail
 
     @property
     def report(self) -> Report:
@@ -220,7 +232,7 @@ class FrameStream:
         self, fields: Fields, gyro: Array, accel: Array | None, frames: Frames, index: Index, usable: Mask
     ) -> Samples:
         assert self._numbering is not None
-        number, t = self._numbering.number(fields, frames.skipped[index])
+        number, t, jumped = self._numbering.number(fields, frames.skipped[index])
         if t is None and self._rate is not None:
             t = number / self._rate
         none = np.zeros(len(gyro), bool)
@@ -238,6 +250,7 @@ class FrameStream:
             sensor_fault=fault[usable],
             temperature=None if fields.temperature is None else fields.temperature[usable],
             start=frames.start[index][usable],
+            jumped=jumped[usable],
         )
 
     def _scaled(self, fields: Fields) -> tuple[Array, Array | None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
@@ -20,6 +21,11 @@ from gyronorth.learn.data import TrainingData, noise_deg_s
 from gyronorth.learn.regressor import precise
 from gyronorth.learn.settings import Settings
 from gyronorth.learn.stages import TrainedDenoiser, TrainedHeading
+
+#: A network is called untrained that errs on its own training recordings by more than so many times the closed form's
+#: error, and by more than so many degrees.
+UNTRAINED = 2.0
+UNTRAINED_DEG = 10.0
 
 
 def export_bundle(
@@ -190,6 +196,17 @@ def _metrics(
     return metrics
 
 
+def untrained(metrics: Mapping[str, float | None]) -> str:
+    """What is told of a network that has not even learned its own training recordings; empty for others."""
+    network, closed_form = (metrics.get(f"train_{name}_crmse_deg") for name in ("network", "model_based"))
+    if network is None or closed_form is None or network <= max(UNTRAINED * closed_form, UNTRAINED_DEG):
+        return ""
+    return (
+        f"The network is not trained: it errs by {network:.3g} deg on the recordings it was trained on, the closed "
+        f"form by {closed_form:.3g} deg. The likely causes are too few epochs (heading.epochs) or too few headings."
+    )
+
+
 def _version(package: str) -> str:
     try:
         return version(package)
@@ -234,6 +251,8 @@ def model_card(bundle: Bundle) -> str:
             f"{domain.session or 'not stated'}**: part of what it learned is that unit's own error and does not "
             "hold for another."
         )
+    if warning := untrained(metrics):
+        lines += ["", f"**{warning}**"]
     if "validation_network_crmse_deg" in metrics:
         methods = {"model_based": "closed form", "network": "this network"}
         if bundle.deviation is not None:

@@ -55,12 +55,15 @@ class BiLSTM(nn.Module):
         if not self.single_step:
             return self.lstm(x)[0]
         # Input, output and cell gates of both directions: one product, one sigmoid, one tanh.
-        weight = self._gates("weight_ih_l0")
-        bias = self._gates("bias_ih_l0") + self._gates("bias_hh_l0")
-        gates = nn.functional.linear(x, weight, bias)
+        weight, bias, more = self.gates()
+        gates = nn.functional.linear(x, weight, bias + more)
         wide = 2 * self.lstm.hidden_size
         opening, cell = torch.sigmoid(gates[..., : 2 * wide]), torch.tanh(gates[..., 2 * wide :])
         return opening[..., wide:] * torch.tanh(opening[..., :wide] * cell)
+
+    def gates(self) -> tuple[Tensor, Tensor, Tensor]:
+        """What a single step uses: weights of the input (6 hidden, inputs) and both biases (6 hidden,)."""
+        return self._gates("weight_ih_l0"), self._gates("bias_ih_l0"), self._gates("bias_hh_l0")
 
     def _gates(self, name: str) -> Tensor:
         """Parameter `name`, rows in the order input, output, cell gate, each forward then backward."""

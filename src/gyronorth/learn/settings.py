@@ -101,6 +101,40 @@ def baseline(**changes: object) -> Settings:
     return Settings(heading=heading, **changes)  # type: ignore[arg-type]
 
 
+def own_network(**changes: object) -> Settings:
+    """What is left when nothing is kept that does not help: (cos, sin) output, noise redrawn, no denoiser."""
+    heading = HeadingSettings(output="cos_sin", denoised=False, augment=AugmentSettings(noise="redrawn"))
+    return Settings(heading=heading, **changes)  # type: ignore[arg-type]
+
+
+def with_cos_sin(**changes: object) -> Settings:
+    """The paper's system with a vector for its output, which has no jump on the circle."""
+    return Settings(heading=HeadingSettings(output="cos_sin"), **changes)  # type: ignore[arg-type]
+
+
+#: Settings that come along, by the name that `train --config` takes.
+NAMED = {"paper": paper, "baseline": baseline, "cos_sin": with_cos_sin, "own": own_network}
+
+
+def settings_of(config: str | Path | None) -> Settings:
+    """Settings by name or from a YAML file; the paper's for None. A file goes before a name.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or the file is not in order.
+    """
+    if config is None:
+        return paper()
+    if str(config) in NAMED and not Path(config).exists():
+        return NAMED[str(config)]()
+    if not Path(config).is_file():
+        raise InputError(
+            f"{config} is neither a file nor settings that come along. Give a YAML file, or one of {', '.join(NAMED)}."
+        )
+    return read_settings(config)
+
+
 def read_settings(path: str | Path) -> Settings:
     """Settings from a YAML file; what it does not name keeps the paper's value.
 
@@ -113,7 +147,7 @@ def read_settings(path: str | Path) -> Settings:
 
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, a date that is none
         raise InputError(f"{path} is not a YAML file: {' '.join(str(error).split())}.") from None
     try:
         return Settings.model_validate({} if content is None else content)

@@ -173,38 +173,26 @@ def new_denoiser(settings: Settings) -> tuple[Denoiser, torch.Generator]:
 
 
 def train_heading(
-    settings: Settings, data: TrainingData, denoiser: TrainedDenoiser | None, *, run: Run = Run()
+    settings: Settings,
+    data: TrainingData,
+    denoiser: TrainedDenoiser | None,
+    *,
+    last: bool = False,
+    run: Run = Run(),
 ) -> TrainedHeading:
     """Stage two: the heading network on recordings, augmented and then cleaned by the frozen denoiser.
 
     `denoiser` is left out where the settings say `heading.denoised: false`. The error on a test
-    part is written down every epoch and decides nothing.
+    part is written down every epoch and decides nothing. With `last` nothing is chosen: all epochs are run and the
+    last one is kept.
     """
     part = settings.heading
     denoiser = denoiser if part.denoised else None
-    rng = np.random.default_rng([settings.seed, AUGMENT])
-    more = part.augment
-    train = augment(data.train, copies=more.copies, span=radians(more.span_deg), noise=more.noise, rng=rng)
-    parts = [train, data.validation] + ([] if data.test is None else [data.test])
-    key = "".join(part.sha256() for part in parts) + ("" if denoiser is None else _weights_sha256(denoiser.network))
-    with torch_threads(settings.threads):
-        x_train, x_validation, *x_test = _inputs(parts, denoiser, run, _fingerprint("inputs", settings, key))
-    y_train, y_validation, *y_test = (torch.from_numpy(np.degrees(part.heading)).float() for part in parts)
-    generator = _generator(settings, HEADING)
-    network = cast(
-        HeadingNetwork,
-        initialised(
-            lambda: HeadingNetwork(
-                layout=settings.layout,
-                samples=settings.samples,
-                layers=part.layers,
-                hidden=part.hidden,
-                dropout=part.dropout,
-                output=part.output,
-            ),
-            generator,
-        ),
-    )
+    parts = heading_parts(settings, data, denoiser, run=run)
+    x_train, x_validation, *x_test = parts.inputs
+    y_train, y_validation, *y_test = parts.headings
+    generator = heading_generator(settings)
+    network = new_heading(settings, generator)
 
     def loss(index: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         return crmse_deg(network(x_train[index], generator), y_train[index])
@@ -220,9 +208,55 @@ def train_heading(
         return {"test": crmse(x_test[0], y_test[0])} if x_test else {}
 
     rate = decay(part.rate, part.rate_end, part.epochs)
-    task = Task("heading", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate, watch)
-    progress = fitted(task, settings, generator, key, run=run)
+    task = Task(
+        "heading", network, len(x_train), part.batch, part.epochs, part.patience, rate, loss, validate, watch, last
+    )
+    progress = fitted(task, settings, generator, parts.key, run=run)
     return TrainedHeading(network, settings, denoiser, progress)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a heading network is given: the augmented training part, validation and, if there is one, test."""
+
+    inputs: list[torch.Tensor]  # (n, samples, 3) each, in units of Earth rate, through the denoiser
+    headings: list[torch.Tensor]  # (n,) each, deg
+    key: str  # checksum of the data and of the denoiser
+
+
+def heading_parts(
+    settings: Settings, data: TrainingData, denoiser: TrainedDenoiser | None, *, run: Run = Run()
+) -> Parts:
+    """Augment the training part and clean all parts by the frozen denoiser (IV-A, Fig. 2)."""
+    rng, more = np.random.default_rng([settings.seed, AUGMENT]), settings.heading.augment
+    train = augment(data.train, copies=more.copies, span=radians(more.span_deg), noise=more.noise, rng=rng)
+    parts = [train, data.validation] + ([] if data.test is None else [data.test])
+    key = "".join(part.sha256() for part in parts) + ("" if denoiser is None else _weights_sha256(denoiser.network))
+    with torch_threads(settings.threads):
+        inputs = _inputs(parts, denoiser, run, _fingerprint("inputs", settings, key))
+    return Parts(inputs, [torch.from_numpy(np.degrees(part.heading)).float() for part in parts], key)
+
+
+def heading_generator(settings: Settings) -> torch.Generator:
+    """What draws a heading network's first weights, the order of its data and its dropout."""
+    return _generator(settings, HEADING)
+
+
+def new_heading(settings: Settings, generator: torch.Generator) -> HeadingNetwork:
+    """A heading network that has learned nothing."""
+    part = settings.heading
+    network = initialised(
+        lambda: HeadingNetwork(
+            layout=settings.layout,
+            samples=settings.samples,
+            layers=part.layers,
+            hidden=part.hidden,
+            dropout=part.dropout,
+            output=part.output,
+        ),
+        generator,
+    )
+    return cast(HeadingNetwork, network)
 
 
 def fitted(task: Task, settings: Settings, generator: torch.Generator, data_key: str, *, run: Run = Run()) -> Progress:

@@ -30,6 +30,7 @@ class Task:
     loss: Callable[[Tensor, torch.Generator], Tensor]  # of the examples with these indices
     validate: Callable[[], float]  # validation loss
     watch: Callable[[], dict[str, float]] = dict  # more figures for the history; nothing is decided by them
+    last: bool = False  # all epochs are run and the last one is kept, whatever the validation loss
 
 
 @dataclass
@@ -57,6 +58,8 @@ def fit(
 ) -> Progress:
     """Train until the validation loss has stopped falling; leave the best weights in the network.
 
+    Or, where the task says `last`, through all epochs.
+
     Every draw, of the order of the data, noise and dropout, comes from `generator`. Network,
     optimiser, generator and history are saved after each epoch, so that a run that was killed
     and continued from its checkpoint ends in the same weights, bit by bit, on the same machine
@@ -69,7 +72,8 @@ def fit(
         If the checkpoint belongs to other settings or data (`fingerprint`).
     """
     network, progress = task.network, Progress()
-    optimiser = torch.optim.Adam(network.parameters(), lr=task.rate(0))
+    # Fused: one pass over the weights, which otherwise costs more than the gradients.
+    optimiser = torch.optim.Adam(network.parameters(), lr=task.rate(0), fused=True)
     best = {name: value.clone() for name, value in network.state_dict().items()}
     if checkpoint is not None and checkpoint.is_file():
         state = read_checkpoint(checkpoint, fingerprint)
@@ -82,7 +86,7 @@ def fit(
     while not progress.finished:
         loss = _epoch(task, optimiser, task.rate(progress.epoch), generator)
         validation = task.validate()
-        if validation < progress.best:
+        if task.last or validation < progress.best:
             progress.best, progress.best_epoch = validation, progress.epoch + 1
             best = {name: value.clone() for name, value in network.state_dict().items()}
         entry = {"loss": loss, "validation": validation, **task.watch(), "rate": task.rate(progress.epoch)}
@@ -133,10 +137,17 @@ def read_checkpoint(path: Path, fingerprint: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it belongs to other settings or data.
+        If it is damaged, or belongs to other settings or data.
     """
-    state = torch.load(path, weights_only=True)
-    if state["fingerprint"] != fingerprint:
+    try:
+        state = torch.load(path, weights_only=True)
+        written = state["fingerprint"]
+    except Exception as error:  # of a damaged file PyTorch raises almost any
+        raise InputError(
+            f"{path} cannot be read ({type(error).__name__}): it is damaged, or no checkpoint of gyronorth. "
+            "Remove it and train again."
+        ) from None
+    if written != fingerprint:
         raise InputError(
             f"{path} belongs to a training with other settings, data or code. Resume with the same ones, or give "
             "another output folder."

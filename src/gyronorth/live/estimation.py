@@ -31,6 +31,7 @@ class LiveEstimate:
     estimate: HeadingEstimate
     trace: Array  # (k, 4): time s, heading rad or NaN, half width of the 95 % interval rad, valid
     rate_norm: tuple[Array, Array]  # (k,) time s and norm of the mean rate rad/s
+    samples: int = 0  # since the start of the stretch, up to the estimate
     made: float = field(default_factory=time.monotonic)  # when
 
 
@@ -119,7 +120,8 @@ class Estimation:
         found, failure = None, None
         try:
             estimate = heading.estimate()
-            found = LiveEstimate(estimate, np.array(heading.trace, dtype=float).reshape(-1, 4), heading.rate_norm())
+            trace = np.array(heading.trace, dtype=float).reshape(-1, 4)
+            found = LiveEstimate(estimate, trace, heading.rate_norm(), heading.store.samples)
         except InputError as error:
             failure = str(error)
         except Exception as error:  # a fault of ours: an old heading must not stay valid for it

@@ -16,11 +16,14 @@ class Bytes:
     """Bytes, in order."""
 
     bytes: bytes
+    whole: bool = False  # a datagram: what it holds of lines is whole
 
 
 @dataclass(frozen=True)
 class Connected:
     """The source is there."""
+
+    midway: bool = False  # what comes first may be the rest of a line
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,17 @@ rows may be garbage.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.formats.csv import COMMENT
+from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.readers.formats.csv import COMMENT, stated_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
-from gyronorth.readers.text import LONGEST_LINE, Layout, parse_block
+from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
+from gyronorth.readers.text import LONGEST_LINE, parse_block
 
 #: The columns of a source without a header, by its number of fields.
 BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}
@@ -33,53 +32,6 @@ BOM = b"\xef\xbb\xbf"
 SHOWN = 60
 #: Different keys of comment lines that are remembered.
 MOST_KEYS = 50
-
-
-@dataclass(frozen=True)
-class Form:
-    """How the rows of a source are laid out."""
-
-    titles: tuple[str, ...]  # of all fields, as the recording names them
-    columns: tuple[str, ...]  # of `NAMES`, those that are used
-    use: tuple[int, ...]  # their positions
-
-    @property
-    def time(self) -> bool:
-        """Whether the rows carry time stamps."""
-        return TIME in self.columns
-
-    @property
-    def layout(self) -> Layout:
-        """The same for the text reader."""
-        return Layout(self.titles, self.use, ",")
-
-
-@dataclass(frozen=True)
-class LiveRows:
-    """Rows of numbers and the lines they were, in step."""
-
-    values: NDArray[np.float64]  # (n, k), columns as in `Form.columns`
-    lines: Sequence[bytes]  # n lines without their ends
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-    def take(self, keep: NDArray[np.bool_] | Sequence[int]) -> LiveRows:
-        """Those that a mask keeps, or at the given places."""
-        keep = np.asarray(keep)
-        places = np.flatnonzero(keep) if keep.dtype == bool else keep.astype(np.int64)
-        return LiveRows(self.values[places], [self.lines[i] for i in places.tolist()])
-
-    def __add__(self, other: LiveRows) -> LiveRows:
-        return LiveRows(np.concatenate([self.values, other.values]), [*self.lines, *other.lines])
-
-
-@dataclass(frozen=True)
-class LineBatch:
-    """Rows of one form."""
-
-    form: Form
-    rows: LiveRows
 
 
 class LineReader:
@@ -99,9 +51,13 @@ class LineReader:
         self._heard: dict[str, tuple[str, int]] = {}  # comments since the last row
         self._unmapped: list[str] = []  # names that came before any row and are no header that is understood
         self._begun = False  # bytes have come
+        self._midway = False  # the rest of a line comes first
 
-    def push(self, data: bytes) -> list[LineBatch]:
+    def push(self, data: bytes) -> list[RowBatch]:
         """The rows that `data` completes."""
+        if self._midway:
+            _, end, data = data.partition(b"\n")
+            self._midway = not end
         data = self._rest + data
         if not self._begun and len(data) >= len(BOM):
             data, self._begun = data.removeprefix(BOM), True
@@ -114,12 +70,32 @@ class LineReader:
             data = data.replace(b"\r\n", b"\n")
         return self._batches(data) if data else []
 
-    def end(self) -> list[LineBatch]:
+    def end(self) -> list[RowBatch]:
         """The last line, which may have no end."""
         rest, self._rest = self._rest, b""
         batches = self._batches(rest + b"\n") if rest.strip() else []
         self._drop_unsure()
         return batches
+
+    @property
+    def tally(self) -> Tally:
+        """What came."""
+        return Tally(self.lines, self.garbage, self.last_garbage)
+
+    def facts(self) -> Facts:
+        """What the comments state.
+
+        Raises
+        ------
+        InputError
+            If one of them makes no sense.
+        """
+        stated, _ = stated_facts(self.stated, self._name)
+        return stated
+
+    def midway(self) -> None:
+        """What comes next may begin in the middle of a line, which is left out."""
+        self._midway = True
 
     def cut(self) -> None:
         """The connection broke: what is left of a line is no line."""
@@ -128,8 +104,8 @@ class LineReader:
             self._row += 1
         self._rest = b""
 
-    def _batches(self, data: bytes) -> list[LineBatch]:
-        batches: list[LineBatch] = []
+    def _batches(self, data: bytes) -> list[RowBatch]:
+        batches: list[RowBatch] = []
         if self.form is not None and self._regular(data, self.form):
             self._heard.clear()
             self._row += data.count(b"\n")
@@ -165,7 +141,7 @@ class LineReader:
         commas = np.cumsum(symbols == ord(","))[ends]
         return bool((np.diff(commas, prepend=0) == len(form.titles) - 1).all())
 
-    def _parsed(self, lines: list[bytes], form: Form) -> list[LineBatch]:
+    def _parsed(self, lines: list[bytes], form: Form) -> list[RowBatch]:
         """The rows of lines of numeric characters."""
         block = parse_block(b"\n".join(lines) + b"\n", 0, form.layout)
         finite = np.isfinite(block.values).all(axis=1)
@@ -176,7 +152,7 @@ class LineReader:
             self._bad(line)
         if not good.any():
             return []
-        return [LineBatch(form, LiveRows(block.values[finite], lines if good.all() else list(compress(lines, good))))]
+        return [RowBatch(form, LiveRows(block.values[finite], lines if good.all() else list(compress(lines, good))))]
 
     def _word(self, line: bytes) -> None:
         """A line that is no row of numbers: a comment, a header, or garbage."""

@@ -1,7 +1,7 @@
-"""NMEA 0183 out, over TCP to any number of listeners or over UDP: HETHS, HEHDT and the status sentence.
+"""NMEA 0183 out: over TCP to any number of listeners, over UDP, or to a serial port.
 
-HEHDT is sent only while the heading is valid and is being measured. A listener that does not keep up is
-left behind, and dropped if it does not catch up.
+HEHDT is sent only while the heading is valid and is being measured, never of a replay. A listener that does not keep
+up is left behind, and dropped if it does not catch up; a serial port that is gone is opened anew.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from threading import Event, Thread
 
 from gyronorth.errors import InputError
 from gyronorth.live.binding import bound_socket
-from gyronorth.live.status import Status
-from gyronorth.report.nmea import no_heading, sentences
+from gyronorth.live.serial_out import SerialOut
+from gyronorth.live.status import UNATTENDED, Status
+from gyronorth.report.nmea import running_sentences
 
+#: Baud rate of a serial port where none is given: that of IEC 61162-1.
+SERIAL_BAUD = 4800
 #: Bytes that may wait for a slow listener; it is dropped beyond.
 PATIENCE = 64_000
 #: Programs that may listen at a time; more are turned away.
@@ -31,29 +34,36 @@ PAUSE = 0.1
 class Target:
     """Where the sentences go."""
 
-    kind: str  # tcp, udp
-    host: str
-    port: int
+    kind: str  # tcp, udp, serial
+    host: str  # or device
+    port: int  # or baud rate
 
 
 def parse_target(text: str) -> Target:
-    """tcp:HOST:PORT or udp:HOST:PORT.
+    """tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE[:BAUD].
 
     Raises
     ------
     InputError
-        If it is neither.
+        If it is none of these.
     """
     match = re.fullmatch(r"(tcp|udp):(.+):(\d{1,5})", text)
-    if match is None or int(match[3]) > 65535:
-        raise InputError(f"--nmea-out {text!r} is not tcp:HOST:PORT or udp:HOST:PORT; example: tcp:127.0.0.1:10110.")
-    return Target(match[1], match[2].strip("[]"), int(match[3]))
+    if match is not None and int(match[3]) <= 65535:
+        return Target(match[1], match[2].strip("[]"), int(match[3]))
+    match = re.fullmatch(r"(serial):(.+?)(?::(\d{2,8}))?", text)
+    if match is not None:
+        return Target(match[1], match[2], int(match[3] or SERIAL_BAUD))
+    raise InputError(
+        f"--nmea-out {text!r} is not tcp:HOST:PORT, udp:HOST:PORT or serial:DEVICE[:BAUD]; "
+        "example: tcp:127.0.0.1:10110."
+    )
 
 
-def status_sentences(status: Status) -> str:
-    """What is sent of a status."""
-    estimate = status.estimate
-    return "".join(no_heading() if estimate is None else sentences(estimate, replay=status.replay))
+def status_sentences(status: Status, kind: str = "standard") -> str:
+    """What is sent of a status, in the sentences of a set of `catalogue.NMEA_SETS`."""
+    mode = "S" if status.replay else "E" if status.held is not None else "A"
+    turn = status.rate_of_turn if status.state == "running" and status.unattended <= UNATTENDED else None
+    return "".join(running_sentences(status.estimate, kind=kind, mode=mode, rate_of_turn=turn))
 
 
 class NmeaOut:
@@ -65,12 +75,16 @@ class NmeaOut:
         If the address cannot be used.
     """
 
-    def __init__(self, target: Target, *, rate_hz: float, status: Callable[[], Status]) -> None:
-        self._interval, self._status = 1 / rate_hz, status
+    def __init__(self, target: Target, *, rate_hz: float, status: Callable[[], Status], kind: str = "standard") -> None:
+        self._interval, self._status, self._kind = 1 / rate_hz, status, kind
+        self._serial = SerialOut(target.host, target.port, rate_hz=rate_hz) if target.kind == "serial" else None
         self._stop = Event()
         self._clients: dict[socket.socket, bytes] = {}
         self._selector = selectors.DefaultSelector()
         self._tcp = target.kind == "tcp"
+        if self._serial is not None:
+            self._thread = Thread(target=self._run, name="nmea", daemon=True)
+            return
         try:
             if self._tcp:
                 self._socket = bound_socket(target.host, target.port, socket.SOCK_STREAM)
@@ -105,6 +119,9 @@ class NmeaOut:
         """Send no more."""
         self._stop.set()
         self._thread.join()
+        if self._serial is not None:
+            self._serial.close()
+            return
         for client in [*self._clients, self._socket]:
             client.close()
 
@@ -113,7 +130,7 @@ class NmeaOut:
         while not self._stop.is_set():
             now = time.monotonic()
             if now >= due:
-                self._send(status_sentences(self._status()).encode("ascii"))
+                self._send(status_sentences(self._status(), self._kind).encode("ascii"))
                 due = max(due + self._interval, now)
             self._serve(min(max(due - time.monotonic(), 0.0), 0.2))
 
@@ -153,6 +170,9 @@ class NmeaOut:
         self._selector.register(client, selectors.EVENT_READ)
 
     def _send(self, data: bytes) -> None:
+        if self._serial is not None:
+            self._serial.send(data)
+            return
         if not self._tcp:
             try:
                 self._socket.sendto(data, self._address)

@@ -28,3 +28,57 @@
     }
   }, 500);
 })();
+// The officer's watch: full screen, a screen that stays on, and an alarm (sound, colour, word) when validity is lost.
+(() => {
+  const GOOD = ['valid', 'held'];
+  let audio = null, lock = null, before = null;
+  const stayOn = async () => {
+    try { lock = await navigator.wakeLock?.request('screen'); } catch { lock = null; }  // not on plain http elsewhere
+  };
+  const beep = () => {
+    if (!audio) return;
+    for (const at of [0, .4, .8]) {
+      const tone = audio.createOscillator(), loudness = audio.createGain();
+      tone.frequency.value = 880;
+      loudness.gain.value = .3;
+      tone.connect(loudness).connect(audio.destination);
+      tone.start(audio.currentTime + at);
+      tone.stop(audio.currentTime + at + .25);
+    }
+  };
+  document.addEventListener('click', async event => {
+    const button = event.target.closest?.('[data-watch]');
+    if (!button) return;
+    const on = button.getAttribute('aria-pressed') !== 'true';
+    button.setAttribute('aria-pressed', on);
+    if (on) {
+      audio ??= new AudioContext();
+      audio.resume();
+      await document.documentElement.requestFullscreen?.().catch(() => {});
+      await stayOn();
+    } else {
+      if (document.fullscreenElement) await document.exitFullscreen();
+      await lock?.release();
+      lock = null;
+      audio?.suspend();
+    }
+  });
+  document.addEventListener('visibilitychange', () => {
+    const on = document.querySelector('[data-watch]')?.getAttribute('aria-pressed') === 'true';
+    if (on && document.visibilityState === 'visible') stayOn();
+  });
+  setInterval(() => {
+    const verdict = document.querySelector('section.verdict');
+    const alarm = document.querySelector('[data-alarm]');
+    if (!verdict || !alarm) return;
+    const late = document.querySelector('.gn').classList.contains('late');
+    const now = late ? 'no news' : verdict.dataset.fitness;
+    if (GOOD.includes(before) && !GOOD.includes(now)) {
+      alarm.textContent = `Heading lost: ${now}. Do not steer by it.`;
+      beep();
+    } else if (GOOD.includes(now) && alarm.textContent) {
+      alarm.textContent = '';
+    }
+    before = now;
+  }, 500);
+})();

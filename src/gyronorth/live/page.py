@@ -9,22 +9,39 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
+from fastapi import FastAPI
 from nicegui import events, ui
 
 from gyronorth.errors import InputError
 from gyronorth.live import drawing, wording
+from gyronorth.live.countdown import Countdown
 from gyronorth.live.reporting import write_report
+from gyronorth.live.serving import RECORDING_URL, REPORT_URL
 from gyronorth.live.session import Session
 
 #: Redrawn so often, s.
 REDRAWN = 1.0
 #: What a button did is shown after so long, s.
 SHOWN_AFTER = 0.3
-#: Where the files of a session can be had.
-RECORDING_URL, REPORT_URL = "/recording", "/report"
 #: Key -> what it does, as the page says it.
 KEYS = {"s": "start", "t": "stop", "m": "mark", "v": "save", "d": "light or dark"}
+#: The button of the officer: full screen, a screen that stays on, and the sound of the alarm. The script does it.
+WATCH = '<button type="button" data-watch aria-pressed="false" title="Full screen, screen on, sound">Watch</button>'
 STYLE, SCRIPT = (Path(__file__).with_name(name) for name in ("page.css", "page.js"))
+
+
+def attach(app: FastAPI, session: Session) -> None:
+    """Serve the page from an application."""
+    ui.run_with(
+        app,
+        root=lambda: build(session),
+        title="gyronorth live",
+        dark=None,
+        language="en-GB",
+        favicon="🧭",
+        tailwind=False,
+        show_welcome_message=False,
+    )
 
 
 def build(session: Session) -> None:
@@ -34,10 +51,14 @@ def build(session: Session) -> None:
     with ui.element("div").classes("gn"):
         with ui.element("div").classes("top"):
             ui.html("<h1>gyronorth live</h1>", sanitize=False)
+            ui.html(WATCH, sanitize=False).style("width: auto; margin-left: auto")
             ui.button("Dark / light", on_click=lambda: _toggle(dark), color=None).props(
                 'flat dense no-caps aria-label="Dark or light"'
             )
-        pictures = [_Picture(wording.verdict, session)]
+        settings = session.settings
+        countdown = Countdown(settings.sensor, settings.require_sigma)
+        pictures = [_Picture(lambda status: wording.verdict(status, countdown.text(status)), session)]
+        ui.html('<p data-alarm role="alert"></p>', sanitize=False)
         said = ui.html(sanitize=False).classes("unseen").props('role="status" aria-live="polite"')
         actions = _buttons(session, dark)
         saved = ui.html(sanitize=False)
@@ -51,6 +72,10 @@ def build(session: Session) -> None:
                 pictures.append(_Picture(_titled(title, draw), session))
         with ui.element("div").classes("pair"):
             pictures.append(_Picture(_titled("Turning", wording.turning), session))
+            pictures.append(_Picture(wording.marks, session))
+        with ui.element("details").classes("fold"):
+            with ui.element("summary"):
+                ui.html("What came, in numbers", sanitize=False, tag="span")
             pictures.append(_Picture(_titled("What came", wording.counters), session))
         keys = ", ".join(f"<kbd>{key}</kbd> {name}" for key, name in KEYS.items())
         ui.html(f'<p class="faint">Keys: {keys}.</p>', sanitize=False)

@@ -19,7 +19,7 @@ from tempfile import TemporaryFile
 import numpy as np
 
 from gyronorth.errors import InputError
-from gyronorth.live.lines import LiveRows
+from gyronorth.live.rows import LiveRows
 from gyronorth.live.stretch import Stretch
 from gyronorth.readers.facts import SIGNATURE
 from gyronorth.readers.formats.csv import LIVE_FORMAT, MARK
@@ -28,12 +28,16 @@ from gyronorth.readers.formats.csv import LIVE_FORMAT, MARK
 SYNC_INTERVAL = 0.5
 #: After a failure, a new file is tried for so often, s.
 RETRY_INTERVAL = 2.0
+#: How the files of raw bytes end.
+RAW_SUFFIX = ".bin"
 #: Room in the head of the file for the rate, which is known only later where it is measured.
 _RATE_WIDTH = 40
 
 
 class Recorder:
     """Appends to the files of one session."""
+
+    what = "rows"  # that may be missing
 
     def __init__(self, path: Path) -> None:
         self.path = path  # of the file that is written, or will be next
@@ -52,15 +56,15 @@ class Recorder:
     def error(self) -> str | None:
         """What the recording lacks, or why nothing is written now; None where it is whole."""
         if self.failure is not None:
-            return f"{self.failure}. {self.lost} rows are missing so far; it is tried again."
+            return f"{self.failure}. {self.lost} {self.what} are missing so far; it is tried again."
         if self._first_failure:
-            return f"{self._first_failure}. {self.lost} rows are missing; it goes on in {self.path.name}."
+            return f"{self._first_failure}. {self.lost} {self.what} are missing; it goes on in {self.path.name}."
         return None
 
-    def begin(self, stretch: Stretch, source: str, *, start_time_utc: str | None) -> None:
-        """Close the present file and begin the next."""
+    def begin(self, stretch: Stretch, source: str, *, start_time_utc: str | None, raw: Path | None = None) -> None:
+        """Close the present file and begin the next; `raw` holds the bytes of the same samples."""
         self.close()
-        self._head, self._rate_offset = _head(stretch, source, start_time_utc)
+        self._head, self._rate_offset = _head(stretch, source, start_time_utc, raw)
         self._open()
 
     def _open(self) -> None:
@@ -81,13 +85,16 @@ class Recorder:
         self.sync(now=True)
 
     def rows(self, rows: LiveRows) -> None:
-        """Append good rows; after a failure to a new file, as soon as there can be one."""
-        if len(rows) == 0:
-            return
+        """Append good rows."""
+        if len(rows):
+            self._append(rows.text(), len(rows))
+
+    def _append(self, data: bytes, count: int) -> None:
+        """Append so many rows; after a failure to a new file, as soon as there can be one."""
         if self._descriptor is None and self._head is not None and time.monotonic() - self._failed > RETRY_INTERVAL:
             self._open()
-        if self._descriptor is None or not self._write(b"\n".join(rows.lines) + b"\n"):
-            self.lost += len(rows)
+        if self._descriptor is None or not self._write(data):
+            self.lost += count
 
     def mark(self, text: str) -> None:
         """Append a comment line that marks this moment."""
@@ -149,6 +156,28 @@ class Recorder:
         self._descriptor = None
 
 
+class RawRecorder(Recorder):
+    """The bytes of frames as they came, beside the rows that were decoded from them: north.csv, north.bin.
+
+    Each file replays by itself: it begins with the configuration that the unit sent before.
+    """
+
+    what = "bytes"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path.with_suffix(RAW_SUFFIX))
+
+    def begin_file(self) -> None:
+        """Close the present file and begin the next."""
+        self.close()
+        self._head = b""
+        self._open()
+
+    def append(self, data: bytes) -> None:
+        """Append bytes."""
+        self._append(data, len(data))
+
+
 def check_place(path: Path) -> None:
     """Refuse a place where no recording can be written, before anything starts.
 
@@ -181,16 +210,19 @@ def _new_file(wanted: Path) -> tuple[Path, int]:
     raise AssertionError("unreachable")
 
 
-def _head(stretch: Stretch, source: str, start_time_utc: str | None) -> tuple[bytes, int | None]:
+def _head(stretch: Stretch, source: str, start_time_utc: str | None, raw: Path | None) -> tuple[bytes, int | None]:
     """The first lines, and where in them the rate is to be filled in."""
     declared, stated = stretch.declared, stretch.stated
     start = stated.start_time_utc or start_time_utc
+    usual = stretch.form.decoded
+    axes_known = declared.axes_declared or (usual is not None and usual.axes is not None)
     facts = {
         SIGNATURE[0]: LIVE_FORMAT,
         "source": " ".join(source.split()),
+        "raw": None if raw is None else raw.name,
         "gyro_unit": declared.gyro_unit,
         "accel_unit": declared.accel_unit or None,
-        "axes": declared.axes if declared.axes_declared else None,
+        "axes": declared.axes if axes_known else None,
         "latitude_deg": repr(float(np.degrees(stretch.latitude))),
         "heading_true_deg": (
             None if declared.heading_true is None else repr(float(np.degrees(declared.heading_true) % 360))

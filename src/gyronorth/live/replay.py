@@ -7,9 +7,12 @@ from pathlib import Path
 from threading import Event
 
 from gyronorth.errors import InputError
+from gyronorth.frames import FrameStream, recognise
+from gyronorth.frames.recognition import LOOK
 from gyronorth.live.events import CHUNK, Bytes, Connected, Emit, Ended
-from gyronorth.live.lines import Form, LineReader
-from gyronorth.readers.formats.csv import stated_facts
+from gyronorth.live.lines import LineReader
+from gyronorth.live.rows import Form
+from gyronorth.readers.formats.frames import frame_options
 from gyronorth.readers.options import ReadOptions
 
 #: Lines are handed over so often, s.
@@ -20,6 +23,76 @@ LONGEST_PAUSE = 15.0
 LARGEST_STEP = CHUNK
 #: Lines of the head among which the form must show.
 HEAD_LINES = 200
+#: Bytes of the head of a capture in which a sample must be, and bytes handed over before its rate is known.
+HEAD_BYTES, FIRST_STEP = 1 << 20, 1 << 12
+
+
+def open_replay(path: Path, options: ReadOptions, *, speed: float) -> Replay | FrameReplay:
+    """A file of lines or of frames, played back `speed` times faster than it was measured.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or nothing tells when its samples were measured.
+    """
+    if path.is_dir():
+        raise InputError(f"SOURCE {path} is a folder; one file is expected: a replay plays one recording.")
+    try:
+        with path.open("rb") as file:
+            head = file.read(LOOK)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+    protocol = options.protocol or recognise(head)
+    if protocol is not None:
+        return FrameReplay(path, protocol, options, speed=speed)
+    return Replay(path, options, speed=speed)
+
+
+class FrameReplay:
+    """Hands over a capture of frames by the unit's clock or, without one, by the number of the sample.
+
+    Raises
+    ------
+    InputError
+        If no sample is in it, or its rate is not known.
+    """
+
+    live = False
+
+    def __init__(self, path: Path, protocol: str, options: ReadOptions, *, speed: float) -> None:
+        self.name = str(path)
+        self._path, self._speed = path, speed
+        self._protocol, self._options = protocol, frame_options(protocol, options, path.name)
+        stream = FrameStream(protocol, self._options)
+        with path.open("rb") as file:
+            samples = stream.feed(file.read(HEAD_BYTES)) or stream.finish()
+        if samples is None:
+            raise InputError(f"{path.name} holds no sample of protocol {protocol} in its first {HEAD_BYTES} bytes.")
+        if samples.t is None:
+            raise InputError(
+                f"The frames of {path.name} hold no time and do not state their rate. Declare it: --rate HZ."
+            )
+
+    def run(self, emit: Emit, stop: Event) -> None:
+        """Hand over the bytes of the file at their times, until `stop` is set or it ends."""
+        emit(Connected())
+        begun = time.monotonic()
+        stream = FrameStream(self._protocol, self._options)
+        played, last, size, taken = 0.0, None, FIRST_STEP, 0
+        with self._path.open("rb") as file:
+            while not stop.is_set() and (data := file.read(size)):
+                emit(Bytes(data))
+                taken += len(data)
+                samples = stream.feed(data)
+                if samples is not None and samples.t is not None:
+                    now = float(samples.t[-1])
+                    step = now - (float(samples.t[0]) if last is None else last)
+                    step, last = step if 0 < step < LONGEST_PAUSE else 0.0, now
+                    played += step
+                    if played > 0:
+                        size = int(min(max(taken / played * STEP * self._speed, 1), LARGEST_STEP))
+                stop.wait(max(0.0, begun + played / self._speed - time.monotonic()))
+        emit(Ended())
 
 
 class Replay:
@@ -37,22 +110,17 @@ class Replay:
         self.name = str(path)
         self._path, self._speed = path, speed
         reader = LineReader(path.name, options)
-        if path.is_dir():
-            raise InputError(f"SOURCE {path} is a folder; one file is expected: a replay plays one recording.")
-        try:
-            with path.open("rb") as file:
-                head = b"".join(file.readline(CHUNK) for _ in range(HEAD_LINES))
-        except OSError as error:
-            raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+        with path.open("rb") as file:
+            head = b"".join(file.readline(CHUNK) for _ in range(HEAD_LINES))
         reader.push(head if head.endswith(b"\n") else head + b"\n")
         if reader.form is None:
             raise InputError(
-                f"{path.name} has no header and no row that is understood among its first {HEAD_LINES} lines; lines "
-                "such as those of `gyronorth simulate -o FILE.csv` can be replayed. `gyronorth convert` makes them."
+                f"{path.name} has no header and no row that is understood among its first {HEAD_LINES} lines, and no "
+                "frames of a known protocol; lines such as those of `gyronorth simulate -o FILE.csv` can be replayed. "
+                "`gyronorth convert` makes them."
             )
-        facts, _ = stated_facts(reader.stated, path.name)
         self._form: Form = reader.form
-        self._rate_hz = options.rate_hz or facts.rate_hz
+        self._rate_hz = options.rate_hz or reader.facts().rate_hz
         if self._rate_hz is None and not self._form.time:
             raise InputError(f"{path.name} has no time column and does not state its rate. Declare it: --rate HZ.")
 

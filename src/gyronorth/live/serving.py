@@ -1,9 +1,11 @@
-"""The server of the page, in a thread of its own."""
+"""The server of a session, in a thread of its own: the addresses for programs and, where it is wanted, the page."""
 
 from __future__ import annotations
 
+import asyncio
+import json
 import socket
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -12,17 +14,20 @@ from urllib.parse import quote, urlencode
 import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
-from nicegui import ui
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
-from gyronorth.live import page
 from gyronorth.live.access import Access, is_loopback
+from gyronorth.live.metrics import CONTENT_TYPE, metrics_text
 from gyronorth.live.reporting import report_text
 from gyronorth.live.session import Session
 from gyronorth.live.status import UNATTENDED
 
 #: For programs: whether the instrument works, and the heading as `live --json` prints it.
-HEALTH_URL, HEADING_URL = "/healthz", "/api/heading"
+HEALTH_URL, HEADING_URL, STREAM_URL, METRICS_URL = "/healthz", "/api/heading", "/api/stream", "/metrics"
+#: Where the files of a session can be had.
+RECORDING_URL, REPORT_URL = "/recording", "/report"
+#: The stream is sent so often, Hz, unless the address says otherwise, and at most.
+STREAM_HZ, FASTEST_HZ = 1.0, 20.0
 #: A connection must have asked for something after so long, s; of those that have not, so many may wait.
 HEADER_TIME, MOST_WAITING = 10.0, 200
 
@@ -52,15 +57,21 @@ class Impatient(_Http):
             self.transport.close()
 
 
-class PageServer:
-    """Serves the page of one session on a socket that listens already."""
+class Server:
+    """Serves one session on a socket that listens already; without `page` for programs only, and without NiceGUI."""
 
-    def __init__(self, session: Session, listener: socket.socket, *, host: str, token: str | None) -> None:
+    def __init__(
+        self, session: Session, listener: socket.socket, *, host: str, token: str | None, page: bool = True
+    ) -> None:
         self._socket = listener
         shown = f"[{host}]" if ":" in host else host
         query = f"/?{urlencode({'token': token})}" if token else "/"
         self.url = f"http://{shown}:{self._socket.getsockname()[1]}{query}"
         app = _application(session)
+        if page:
+            from gyronorth.live.page import attach
+
+            attach(app, session)
         config = uvicorn.Config(
             Access(app, token=token or None, loopback=is_loopback(host), port=self._socket.getsockname()[1]),
             log_level="warning",
@@ -90,7 +101,7 @@ class PageServer:
 def _application(session: Session) -> FastAPI:
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
-    @app.get(page.RECORDING_URL)
+    @app.get(RECORDING_URL)
     def recording() -> Response:
         path = session.status.recording
         if path is None or not path.is_file():
@@ -102,7 +113,7 @@ def _application(session: Session) -> FastAPI:
             headers={"content-disposition": f"attachment; filename*=UTF-8''{quote(path.name)}"},
         )
 
-    @app.get(page.REPORT_URL)
+    @app.get(REPORT_URL)
     def report() -> Response:
         text = report_text(session.status, session.settings)
         if text is None:
@@ -118,17 +129,29 @@ def _application(session: Session) -> FastAPI:
     def heading() -> Response:
         return JSONResponse(session.status.to_json())
 
-    ui.run_with(
-        app,
-        root=lambda: page.build(session),
-        title="gyronorth live",
-        dark=None,
-        language="en-GB",
-        favicon="🧭",
-        tailwind=False,
-        show_welcome_message=False,
-    )
+    @app.get(METRICS_URL)
+    def metrics() -> Response:
+        return Response(metrics_text(session.status), media_type=CONTENT_TYPE)
+
+    @app.get(STREAM_URL)
+    def stream(hz: float = STREAM_HZ) -> Response:
+        if not 0 < hz <= FASTEST_HZ:
+            return PlainTextResponse(f"hz is {hz:g}; above 0 and at most {FASTEST_HZ:g} is expected.", status_code=422)
+        return StreamingResponse(
+            _events(session, hz), media_type="text/event-stream", headers={"cache-control": "no-store"}
+        )
+
     return app
+
+
+async def _events(session: Session, hz: float) -> AsyncIterator[str]:
+    """The object of `live --json` as server-sent events, for as long as somebody listens and the session runs."""
+    while True:
+        over = session.ended.is_set()
+        yield f"data: {json.dumps(session.status.to_json(), allow_nan=False)}\n\n"
+        if over:
+            return
+        await asyncio.sleep(1 / hz)
 
 
 def health_troubles(session: Session) -> list[str]:

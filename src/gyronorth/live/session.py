@@ -15,14 +15,17 @@ from gyronorth.arrays import Array
 from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
+from gyronorth.frames import protocol_info
 from gyronorth.live.estimation import Estimation, LiveEstimate
 from gyronorth.live.events import Bytes, ByteSource, Connected, Ended, Lost, SourceEvent
-from gyronorth.live.lines import Form, LineBatch, LineReader, LiveRows
-from gyronorth.live.recorder import Recorder, utc_now
+from gyronorth.live.holding import LONGEST_GAP, Holding
+from gyronorth.live.position import Position
+from gyronorth.live.reader import LINES, UNKNOWN, StreamReader
+from gyronorth.live.recorder import RawRecorder, Recorder, utc_now
+from gyronorth.live.rows import Form, LiveRows, RowBatch
 from gyronorth.live.status import Counters, Mark, Status
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
-from gyronorth.readers.formats.csv import stated_facts
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Facts
 from gyronorth.sensor import Sensor
@@ -51,6 +54,7 @@ class LiveSettings:
     deviation: DeviationModel | None = None
     save: Path | None = None
     require_sigma: float | None = None  # rad
+    position: Position | None = None  # tells the latitude, where it is not declared
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,8 @@ class Session:
         self._stop = Event()
         self._recorder = None if settings.save is None else Recorder(settings.save)
         self._estimation = Estimation(self._estimated)
-        self._reader = LineReader(source.name, settings.reading)
+        self._raw_recorder = None if settings.save is None else RawRecorder(settings.save)
+        self._reader = StreamReader(source.name, settings.reading)
         self._stretch: Stretch | None = None
         self._shown: Stretch | None = None  # the present one or, until the next begins, the last
         self._timeline: Timeline | None = None
@@ -97,10 +102,16 @@ class Session:
         self._proven = False  # whether they could be of any
         self._marks: list[Mark] = []
         self._found: LiveEstimate | None = None
+        self._holding: Holding | None = None
+        self._held_from: LiveEstimate | None = None  # the latest estimate that it took
         self._failure: str | None = None  # of the estimator
         self._state = "waiting"
         self._trouble = "connecting"
         self._message = ""
+
+    @property
+    def _recorders(self) -> list[Recorder]:
+        return [recorder for recorder in (self._recorder, self._raw_recorder) if recorder is not None]
 
     @property
     def status(self) -> Status:
@@ -149,8 +160,8 @@ class Session:
         except Exception as error:  # a fault of ours: what was recorded stays, and the command shows it
             self._fail(error)
         finally:
-            if self._recorder is not None:
-                self._recorder.close()
+            for recorder in self._recorders:
+                recorder.close()
             self._estimation.end()
             if self._state in ("waiting", "running"):
                 self._state = "stopped"
@@ -175,16 +186,14 @@ class Session:
         pieces: list[bytes] = []
         for event in [*events, None]:
             if isinstance(event, Bytes):
-                pieces.append(event.bytes)
+                pieces.append(self._reader.datagram(event.bytes) if event.whole else event.bytes)
                 continue
             if pieces:
                 self._data(b"".join(pieces))
                 pieces = []
             match event:
-                case Connected():
-                    self._connections += 1
-                    self._trouble = ""
-                    self._last_data = time.monotonic()
+                case Connected(midway):
+                    self._connected(midway)
                 case Lost(why):
                     self._reader.cut()
                     self._trouble = why
@@ -193,8 +202,7 @@ class Session:
                     self._batches(self._reader.end())
                     self._end_of_source()
                 case Command("start"):
-                    self._finish_stretch()
-                    self._state, self._shown, self._found, self._failure = "waiting", None, None, None
+                    self._restart()
                 case Command("stop"):
                     self._finish_stretch()
                     self._estimation.flush()
@@ -202,25 +210,55 @@ class Session:
                 case Command("mark", text):
                     self._mark(text)
                 case Command("sync", done=Event() as done):
-                    if self._recorder is not None:
-                        self._recorder.sync(now=True)
+                    for recorder in self._recorders:
+                        recorder.sync(now=True)
                     self._publish()
                     done.set()
+
+    def _connected(self, midway: bool) -> None:
+        self._connections += 1
+        if midway:
+            self._reader.midway()
+        self._trouble = ""
+        self._last_data = time.monotonic()
+
+    def _restart(self) -> None:
+        """The user begins anew."""
+        self._finish_stretch()
+        self._reader.begin_raw()
+        self._state, self._shown, self._found, self._failure = "waiting", None, None, None
+        self._holding = None
 
     def _data(self, data: bytes) -> None:
         if "stalled" in self._trouble:
             self._trouble = ""
-        self._batches(self._read(data))
+        batches = self._read(data)
+        self._record_raw()
+        self._batches(batches)
         self._last_data = time.monotonic()
 
-    def _read(self, data: bytes) -> list[LineBatch]:
+    def _read(self, data: bytes) -> list[RowBatch]:
+        before = self._reader.protocol
         try:
             return self._reader.push(data)
         except InputError as error:
             self._fail(error)
             return []
+        finally:
+            after = self._reader.protocol
+            if after not in (before, LINES, UNKNOWN):
+                self._message = f"Frames of {protocol_info(after).title} are recognised by their checksums."
 
-    def _batches(self, batches: list[LineBatch]) -> None:
+    def _record_raw(self) -> None:
+        """The bytes of frames to the disk, before what they hold."""
+        anew, data = self._reader.raw()
+        if self._raw_recorder is None or not data or self._state not in ("waiting", "running"):
+            return
+        if anew:
+            self._raw_recorder.begin_file()
+        self._raw_recorder.append(data)
+
+    def _batches(self, batches: list[RowBatch]) -> None:
         for batch in batches:
             if self._state in ("stopped", "failed", "ended"):
                 return
@@ -229,11 +267,13 @@ class Session:
             except InputError as error:
                 self._fail(error)
 
-    def _rows(self, batch: LineBatch) -> None:
+    def _rows(self, batch: RowBatch) -> None:
         """Good rows to their stretch, a new one where they do not go on from the last."""
         stretch = self._stretch
         if stretch is None or stretch.form != batch.form:
             stretch = self._begin(batch, "the columns changed" if stretch else "")
+        elif batch.why:
+            stretch = self._begin(batch, batch.why)
         elif self._broken and not batch.form.time:
             stretch = self._begin(batch, "the connection broke, and without a time column the gap is unknown")
         elif self._reader.statements != self._statements and self._stated_anew():
@@ -256,7 +296,7 @@ class Session:
         assert stretch is not None
         samples = self._samples(stretch, rows) if self._usable else None
         if samples is None and self._usable:
-            stretch = self._begin(LineBatch(stretch.form, rows), self._message, timeline=self._timeline)
+            stretch = self._begin(RowBatch(stretch.form, rows), self._message, timeline=self._timeline)
             samples = self._samples(stretch, rows)
         if self._recorder is not None:
             self._recorder.rows(rows)
@@ -284,6 +324,7 @@ class Session:
         if stretch.samples == len(gyro_b):
             if self._recorder is not None:
                 self._recorder.rate(rate_hz)
+            self._holding = Holding(rate_hz, stretch.latitude, self.settings.sensor)
             self._estimation.begin(
                 StreamingHeading(
                     rate_hz=rate_hz,
@@ -295,10 +336,22 @@ class Session:
                     session=stretch.stated.session,
                 )
             )
-        bias = self.settings.gyro_bias
-        self._estimation.put(gyro_b if bias is None else gyro_b - bias, accel_b)
+        if self.settings.gyro_bias is not None:
+            gyro_b = gyro_b - self.settings.gyro_bias
+        self._hold(gyro_b, broken=stretch.longest_gap > LONGEST_GAP * rate_hz)
+        self._estimation.put(gyro_b, accel_b)
 
-    def _begin(self, batch: LineBatch, why: str, *, timeline: Timeline | None = None) -> Stretch:
+    def _hold(self, gyro_b: Array, *, broken: bool) -> None:
+        """Carry the heading on by new samples, and from the latest estimate."""
+        holding, found = self._holding, self._found
+        if holding is None:
+            return
+        holding.add(gyro_b, broken=broken)
+        if found is not None and found is not self._held_from:
+            holding.found(found.estimate, found.samples)
+            self._held_from = found
+
+    def _begin(self, batch: RowBatch, why: str, *, timeline: Timeline | None = None) -> Stretch:
         """A new stretch, with a recording of its own."""
         stretch = self._new_stretch(batch.form)
         if self._stretch is not None:
@@ -310,8 +363,14 @@ class Session:
             timeline = Timeline(stretch.declared.rate_hz) if batch.form.time else None
         self._timeline, self._strays_before = timeline, timeline.strays if timeline else 0
         if self._recorder is not None:
-            self._recorder.begin(stretch, self._source.name, start_time_utc=utc_now() if self._source.live else None)
+            self._recorder.begin(
+                stretch,
+                self._source.name,
+                start_time_utc=utc_now() if self._source.live else None,
+                raw=self._raw_recorder.path if self._raw_recorder and self._raw_recorder.files else None,
+            )
         self._estimation.begin(None)
+        self._holding = None
         self._state, self._marks, self._found, self._failure = "running", [], None, None
         self._usable = True
         return stretch
@@ -319,9 +378,11 @@ class Session:
     def _new_stretch(self, form: Form) -> Stretch:
         """A stretch by what the stream states now or, where that does not hold, by what it stated before."""
         name, reading, known = self._source.name, self.settings.reading, self._facts
+        if self.settings.position is not None:
+            reading = replace(reading, latitude=self.settings.position.latitude)
         self._statements = self._reader.statements
         try:
-            stated, _ = stated_facts(self._reader.stated, name)
+            stated = self._reader.facts()
             if known is not None:  # only the first stretch begins when the stream says
                 stated = replace(stated, start_time_utc=None)
             stretch = Stretch(name, form, stated, reading)
@@ -336,7 +397,7 @@ class Session:
         """Whether the comment lines of the stream now mean something else, and hold."""
         self._statements = self._reader.statements
         try:
-            stated, _ = stated_facts(self._reader.stated, self._source.name)
+            stated = self._reader.facts()
         except InputError as error:
             self._message = f"What the stream now states is left aside: {error}"
             return False
@@ -388,8 +449,8 @@ class Session:
 
     def _watch(self) -> None:
         """Once per batch: the disk, and a source that has gone silent."""
-        if self._recorder is not None:
-            self._recorder.sync()
+        for recorder in self._recorders:
+            recorder.sync()
         silent = time.monotonic() - self._last_data
         if silent > STALL and self._queue.empty() and not self._trouble and self._state in ("waiting", "running"):
             if self._state == "running":
@@ -405,12 +466,14 @@ class Session:
         self._failure = failure
 
     def _counters(self) -> Counters:
-        stretch, timeline, past = self._stretch, self._timeline, self._past
+        stretch, timeline, past, tally = self._stretch, self._timeline, self._past, self._reader.tally
         return replace(
             past,
-            lines=self._reader.lines,
+            lines=tally.lines,
             good=self._good,
-            garbage=self._reader.garbage,
+            garbage=tally.garbage,
+            skipped_bytes=tally.skipped_bytes,
+            other_frames=tally.other_frames,
             implausible=self._implausible,
             strays=past.strays + (timeline.strays if timeline else 0),
             time_jumps=past.time_jumps + (timeline.jumps if timeline else 0),
@@ -422,7 +485,7 @@ class Session:
         )
 
     def _publish(self) -> None:
-        stretch, recorder = self._shown, self._recorder
+        stretch, recorder, raw = self._shown, self._recorder, self._raw_recorder
         silent = time.monotonic() - self._last_data
         findings = list(stretch.findings() if stretch else ())
         if self._state == "running" and self._trouble:
@@ -430,8 +493,14 @@ class Session:
             findings.append(Finding("stalled", message, silent, STALL))
         if self._failure:
             findings.append(Finding("not_computed", self._failure))
+        holding, found = self._holding, self._found
+        held = None
+        if holding is not None and found is not None:
+            held = holding.held(found.estimate, limit=self.settings.require_sigma)
         self._status = replace(
             self._status,
+            held=held,
+            rate_of_turn=None if holding is None else holding.rate_of_turn,
             state=self._state,  # type: ignore[arg-type]
             connected=not self._trouble,
             trouble=self._trouble,
@@ -439,14 +508,17 @@ class Session:
             rate_hz=stretch.rate_hz if stretch else None,
             seconds=stretch.samples / (stretch.rate_hz or 1.0) if stretch else 0.0,
             counters=self._counters(),
-            last_garbage=self._reader.last_garbage,
+            last_garbage=self._reader.tally.last_garbage,
+            protocol=self._reader.protocol,
+            warnings=self._reader.warnings,
             found=self._found,
             findings=tuple(findings),
             marks=tuple(self._marks),
             message=self._message,
             recording=recorder.path if recorder is not None and recorder.files else None,
             recording_bytes=0 if recorder is None else recorder.bytes,
-            recording_error=None if recorder is None else recorder.error,
+            raw_recording=raw.path if raw is not None and raw.files else None,
+            recording_error=None if recorder is None else recorder.error or (raw and raw.error),
             heading_true=stretch.declared.heading_true if stretch else None,
         )
         self._looked = time.monotonic()

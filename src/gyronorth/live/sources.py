@@ -6,7 +6,6 @@ and serial sources come back by themselves when the connection breaks.
 
 from __future__ import annotations
 
-import os
 import re
 import socket
 import sys
@@ -17,7 +16,8 @@ from threading import Event
 from gyronorth.errors import InputError
 from gyronorth.live.binding import bound_socket
 from gyronorth.live.events import CHUNK, Bytes, ByteSource, Connected, Emit, Ended, Lost, SourceEvent
-from gyronorth.live.replay import Replay
+from gyronorth.live.replay import open_replay
+from gyronorth.live.serial_out import serial_of
 from gyronorth.readers.options import ReadOptions
 
 #: Waits between attempts to connect, s: the first, and the longest.
@@ -69,12 +69,11 @@ def open_source(text: str, options: ReadOptions, *, speed: float) -> ByteSource:
         return SerialPort(text, match[1], int(match[2] or BAUD))
     if not Path(text).exists() and re.match(r"[a-z]{2,}:", text):
         raise InputError(f"SOURCE {text!r} is no file and of no known kind; {KINDS} is expected.")
-
-    return Replay(Path(text), options, speed=speed)
+    return open_replay(Path(text), options, speed=speed)
 
 
 class StandardInput:
-    """Lines from another program; the end of its output is the end."""
+    """What another program prints; the end of its output is the end."""
 
     name, live = "standard input", True
 
@@ -90,7 +89,7 @@ class StandardInput:
 
 
 class TcpClient:
-    """Lines from a server."""
+    """Lines or frames from a server."""
 
     live = True
 
@@ -113,7 +112,7 @@ class TcpClient:
 
 
 class UdpListener:
-    """Lines in datagrams, of one sender at a time."""
+    """Lines or frames in datagrams, of one sender at a time."""
 
     live = True
 
@@ -138,27 +137,17 @@ class UdpListener:
                     continue
                 sender = sender or address
                 if address == sender and data:
-                    emit(Bytes(data if data.endswith(b"\n") else data + b"\n"))
+                    emit(Bytes(data, whole=True))
 
 
 class SerialPort:
-    """Lines from a serial port. What comes first may be the rest of a line, so it is left out."""
+    """Lines or frames from a serial port. What comes first may be the rest of one."""
 
     live = True
 
     def __init__(self, name: str, device: str, baud: int) -> None:
-        try:
-            import serial
-        except ImportError:
-            raise InputError("A serial port needs pyserial: install gyronorth[live].") from None
-        if Path(device).exists() and not os.access(device, os.R_OK | os.W_OK):
-            raise InputError(
-                f"SOURCE {name}: {device} may not be opened by this user. On Debian: sudo adduser $USER dialout, and "
-                "log in again."
-            )
-        if not Path(device).exists() and not Path(device).parent.is_dir():
-            raise InputError(f"SOURCE {name}: there is no device {device}; example: serial:/dev/ttyUSB0:115200.")
-        self.name, self._device, self._baud, self._serial = name, device, baud, serial
+        self._serial = serial_of(f"SOURCE {name}", device)
+        self.name, self._device, self._baud = name, device, baud
 
     def run(self, emit: Emit, stop: Event) -> None:
         """Hand over everything that comes, until `stop` is set or nothing more can come."""
@@ -166,13 +155,9 @@ class SerialPort:
 
     def _session(self, emit: Emit, stop: Event) -> None:
         with self._serial.Serial(self._device, self._baud, timeout=0.2) as port:
-            emit(Connected())
-            begun = False
+            emit(Connected(midway=True))
             while not stop.is_set():
                 data = port.read(max(1, min(port.in_waiting, CHUNK)))
-                if not begun:
-                    _, end, data = data.partition(b"\n")
-                    begun = bool(end)
                 if data:
                     emit(Bytes(data))
 

@@ -6,31 +6,34 @@ Whether the heading may be used is decided here alone; page, JSON lines and NMEA
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
-from math import degrees
+from math import degrees, pi
 from pathlib import Path
 from typing import Any, Literal
 
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
 from gyronorth.live.estimation import LiveEstimate
+from gyronorth.live.holding import Held
 
 #: waiting: no row has come yet. ended: the source has nothing more.
 State = Literal["waiting", "running", "stopped", "ended", "failed"]
-#: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
-Fitness = Literal["aligning", "degraded", "valid", "invalid"]
+#: held: carried on by the gyro since the unit moved; the rest as of an estimate.
+LiveFitness = Fitness | Literal["held"]
 #: A session that has not looked at its source for so long, s, answers for nothing.
 UNATTENDED = 3.0
-#: Codes that more time of standing still takes away.
-ALIGNING = frozenset({"too_short", "too_noisy"})
+#: Half width of the 95 % interval of a normal law, sigma.
+NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
 class Counters:
     """What came, and what went wrong, since the program started."""
 
-    lines: int = 0  # that should have been rows
+    lines: int = 0  # or frames, that should have been rows
     good: int = 0  # rows that were used
-    garbage: int = 0  # lines that were no rows
+    garbage: int = 0  # lines that were no rows, frames whose numbers are none
+    skipped_bytes: int = 0  # of no whole frame
+    other_frames: int = 0  # whole ones without inertial data
     implausible: int = 0  # rows that no sensor gives
     strays: int = 0  # rows repeated, late, or with a time stamp that fits nowhere
     lost: int = 0  # samples missing by the time stamps, bridged
@@ -57,6 +60,7 @@ class Status:
     state: State
     source: str
     connected: bool = False
+    protocol: str = ""  # of the frames, or "lines"; empty before it is known
     trouble: str = ""  # why the source is not delivering, empty when it is
     silent: float = 0.0  # s since the last bytes
     rate_hz: float | None = None
@@ -64,9 +68,12 @@ class Status:
     counters: Counters = Counters()
     last_garbage: str = ""
     found: LiveEstimate | None = None
+    held: Held | None = None  # the heading carried on, where the unit has moved since the last valid estimate
+    rate_of_turn: float | None = None  # rad/s, positive to starboard
     age: float | None = None  # s since the estimate was made
     unattended: float = 0.0  # s since the session last looked at its source
     findings: tuple[Finding, ...] = ()  # reasons beside those of the estimate
+    warnings: tuple[Finding, ...] = ()  # beside those of the estimate
     require_sigma: float | None = None  # rad; a heading that is less certain is not given out
     replay: bool = False  # whether the samples are played back
     marks: tuple[Mark, ...] = ()
@@ -74,6 +81,7 @@ class Status:
     saving: bool = False  # whether a recording was asked for
     recording: Path | None = None  # the latest file; None until the first is made, with the first rows
     recording_bytes: int = 0
+    raw_recording: Path | None = None  # of frames: the bytes as they came
     recording_error: str | None = None
     heading_true: float | None = field(default=None)  # rad, when the stream states it
 
@@ -83,27 +91,42 @@ class Status:
         if self.found is None:
             return None
         estimate = self.found.estimate
-        reasons = (*estimate.reasons, *self.findings, *_too_uncertain(estimate, self.require_sigma))
-        return replace(estimate, reasons=reasons)
+        reasons = (*estimate.reasons, *self.findings)
+        warnings = (*estimate.warnings, *self.warnings)
+        return replace(estimate, reasons=reasons, warnings=warnings).required(self.require_sigma)
 
     @property
     def estimate(self) -> HeadingEstimate | None:
-        """The latest estimate with every reason not to use it now, also that nothing is measured any more."""
+        """What is given out: the latest estimate, or the heading that is held, with every reason not to use it now."""
         measured = self.measured
+        if measured is not None and self.held is not None:
+            measured = self._carried(measured, self.held)
         return measured and replace(measured, reasons=(*measured.reasons, *self._past()))
 
+    def _carried(self, estimate: HeadingEstimate, held: Held) -> HeadingEstimate:
+        """The heading that is held, in the words of an estimate."""
+        half = min(NORMAL_95 * held.sigma, pi)
+        low, high = (held.heading - half) % (2 * pi), (held.heading + half) % (2 * pi)
+        carried = replace(
+            estimate,
+            heading=held.heading,
+            sigma=held.sigma,
+            interval95=(low, high) if half < pi else (0.0, 2 * pi),
+            method="held",
+            method_reason=f"carried on by the gyro for {held.since:.0f} s, as the unit has moved",
+            roll=held.roll,
+            pitch=held.pitch,
+            sigma_parts={},
+        )
+        return replace(carried, reasons=self.findings).required(self.require_sigma)
+
     @property
-    def fitness(self) -> Fitness:
+    def fitness(self) -> LiveFitness:
         """What the heading is good for now."""
         estimate = self.estimate
-        codes = set() if estimate is None else {reason.code for reason in estimate.reasons}
         if estimate is None:
             return "aligning" if self.state in ("waiting", "running") and not self.findings else "invalid"
-        if not codes:
-            return "valid"
-        if codes & ALIGNING and codes <= ALIGNING | {"sigma_required"}:
-            return "aligning"
-        return "degraded" if codes == {"sigma_required"} else "invalid"
+        return "held" if estimate.fitness == "valid" and self.held is not None else estimate.fitness
 
     def _past(self) -> tuple[Finding, ...]:
         """Why the heading is not one of this moment."""
@@ -124,24 +147,16 @@ class Status:
             "state": self.state,
             "fitness": self.fitness,
             "age_s": self.age,
+            "held_s": None if self.held is None else self.held.since,
+            "rate_of_turn_deg_min": None if self.rate_of_turn is None else degrees(self.rate_of_turn) * 60,
             "replay": self.replay,
             "source": self.source,
+            "protocol": self.protocol or None,
             "connected": self.connected,
             "trouble": self.trouble or None,
             "recording": None if self.recording is None else str(self.recording),
+            "raw_recording": None if self.raw_recording is None else str(self.raw_recording),
             "recording_error": self.recording_error,
             **asdict(self.counters),
         }
         return {**document, "live": live}
-
-
-def _too_uncertain(estimate: HeadingEstimate, limit: float | None) -> tuple[Finding, ...]:
-    """Whether a heading is less certain than is required; `limit` is one sigma, rad."""
-    if limit is None or (estimate.sigma is not None and estimate.sigma <= limit):
-        return ()
-    wanted = f"{degrees(limit):.3g} deg is required"
-    if estimate.sigma is None:
-        return (Finding("sigma_required", f"Sigma is not known; {wanted}.", None, degrees(limit)),)
-    sigma = degrees(estimate.sigma)
-    message = f"Sigma is {sigma:.3g} deg; {wanted}. Let the unit stand longer, or turn it by 180 deg."
-    return (Finding("sigma_required", message, sigma, degrees(limit)),)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
-from gyronorth.live.lines import Form, LiveRows
+from gyronorth.live.rows import Form, LiveRows
 from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import resolve
 from gyronorth.readers.grid import LARGEST_FORCE, LARGEST_RATE, MOST_MISSING, GridBuilder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.plausible import check_axes, check_flags, check_units
 from gyronorth.readers.source import Bad, Block, Clock, Facts, Source
 
 #: Time stamps are looked at for so long, s, before the first sample: with a declared rate, and to measure it.
@@ -44,7 +44,8 @@ class Stretch:
     def __init__(self, name: str, form: Form, stated: Facts, options: ReadOptions) -> None:
         clock = Clock(unit=1.0) if form.time else None
         self.form, self.stated = form, stated
-        self._source = Source("live", name, form.columns, lambda: iter(()), stated, clock=clock)
+        usual, decoded = form.decoded or Facts(), form.decoded is not None
+        self._source = Source("live", name, form.columns, lambda: iter(()), stated, usual, clock=clock, decoded=decoded)
         self.declared = resolve(self._source, options)
         if self.declared.latitude is None:
             raise InputError(
@@ -53,11 +54,12 @@ class Stretch:
             )
         self.samples = 0
         self.gaps = 0
+        self.longest_gap = 0  # samples that were missing at one place, among the latest rows
         self.strays = 0  # rows left out before they came here: their time repeats or runs backwards
         self.objection: Finding | None = None  # what the checks of units and axes say
         self._regulariser = GridBuilder(self._source, self.declared, options)
         self._rows = 0
-        self._looking: list[Array] | None = [] if form.time else None
+        self._looking: list[LiveRows] | None = [] if form.time else None
         self._checked: list[Array] | None = []
         self._next_check = FIRST_CHECK
 
@@ -92,11 +94,12 @@ class Stretch:
                 "Likely the times are too coarse: leave them out (--columns t=-) and declare --rate."
             )
             found.append(Finding("gaps", message, share, MOST_MISSING))
+        found += check_flags(self._regulariser.flagged, self.samples, name=self._source.name)
         return tuple(found)
 
     def usable(self, rows: LiveRows) -> NDArray[np.bool_]:
         """Which rows are plausible: within any sensor's range, and not all forces zero."""
-        data = rows.values[:, self.form.time :] * self.declared.scale
+        data = rows.values[:, self.form.time :] * self.declared.scale(1.0)
         limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
         usable: NDArray[np.bool_] = np.asarray((np.abs(data) <= limit).all(axis=1))
         if data.shape[1] == 6:
@@ -105,32 +108,35 @@ class Stretch:
 
     def push(self, rows: LiveRows) -> tuple[Array, Array | None]:
         """Gyro and accelerometer samples, (n, 3), SI in body axes, that the rows add."""
-        values = rows.values
         if self._looking is not None:
-            self._looking.append(values)
-            values = np.concatenate(self._looking)
-            span = values[-1, 0] - values[0, 0] if len(values) else 0.0
+            if len(rows):
+                self._looking.append(rows)
+            held = self._looking
+            span = held[-1].values[-1, 0] - held[0].values[0, 0] if held else 0.0
             look = LOOK_MEASURE if self.declared.rate_hz is None else LOOK_DECLARED
-            if span < look and len(values) < LOOK_ROWS:
-                return self._split(np.zeros((0, len(self.declared.scale))))
-            self._looking = None
-        return self._gridded(values)
+            if span < look and sum(map(len, held)) < LOOK_ROWS:
+                return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
+            rows, self._looking = LiveRows.joined(held), None
+        return self._gridded(rows)
 
     def end(self) -> tuple[Array, Array | None]:
-        """What was still looked at, at the end of the stream."""
+        """What was still looked at, or waited for later stamps, at the end of the stream."""
         held, self._looking = self._looking, None
-        if not held or sum(map(len, held)) < 2:
-            return self._split(np.zeros((0, len(self.declared.scale))))
-        return self._gridded(np.concatenate(held))
+        if held is not None and sum(map(len, held)) < 2:
+            return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
+        return self._gridded(LiveRows.joined(held) if held else None, last=True)
 
-    def _gridded(self, values: Array) -> tuple[Array, Array | None]:
-        if len(values) == 0:
-            return self._split(np.zeros((0, len(self.declared.scale))))
-        numbers = np.arange(self._rows + 1, self._rows + 1 + len(values))
-        self._rows += len(values)
-        samples = self._regulariser.push(Block(values, numbers, Bad.none()))
+    def _gridded(self, rows: LiveRows | None, *, last: bool = False) -> tuple[Array, Array | None]:
+        samples = np.zeros((0, len(self.declared.scale(1.0))))
+        if rows is not None and len(rows):
+            numbers = np.arange(self._rows + 1, self._rows + 1 + len(rows))
+            self._rows += len(rows)
+            samples = self._regulariser.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
+        if last:
+            samples = np.concatenate([samples, self._regulariser.flush()])
         self.samples += len(samples)
         self.gaps += len(self._regulariser.gaps)
+        self.longest_gap = max((gap.samples for gap in self._regulariser.gaps), default=0)
         self._regulariser.gaps.clear()
         self._check(samples)
         return self._split(samples)
@@ -162,6 +168,6 @@ class Stretch:
             check_units(samples, self.declared, rate_hz=rate_hz, name=self._source.name)
         except InputError as error:
             return Finding("units_suspect", str(error))
-        notes = check_axes(samples, self.declared, name=self._source.name) if samples.shape[1] == 6 else ()
+        notes = check_axes(samples, self.declared, name=self._source.name)
         blocking = [Finding(note.code, note.message, note.value, note.limit) for note in notes if note.blocking]
         return blocking[0] if blocking else None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.live.lines import LiveRows
+from gyronorth.live.rows import LiveRows
 from gyronorth.readers.grid import LONGEST_GAP
 
 #: Rows from which the usual step is taken where no rate is declared.

@@ -27,14 +27,16 @@ def verdict_short(status: Status) -> str:
         return f"stopped: {status.message}"
     if estimate is None:
         return "aligning: too short" if status.state == "running" else "no heading yet"
+    if estimate.valid and status.held is not None:
+        return f"held: carried on by the gyro for {status.held.since:.0f} s"
     if estimate.valid:
         return "valid"
     word = status.fitness
     return f"{word}: " + ", ".join(dict.fromkeys(SHORT.get(reason.code, reason.code) for reason in estimate.reasons))
 
 
-def verdict(status: Status) -> str:
-    """The verdict with the heading and the rose."""
+def verdict(status: Status, wait: str = "") -> str:
+    """The verdict with the heading and the rose; `wait` says how long it takes to be good enough."""
     estimate, short = status.estimate, verdict_short(status)
     if estimate is None:
         kind, sign, big = "none", "…", "---.-°"
@@ -45,12 +47,17 @@ def verdict(status: Status) -> str:
     else:
         kind, sign = ("valid", "✓") if estimate.valid else ("invalid", "✕")
         big = "---.-°" if estimate.heading is None else f"{heading_text(_deg(estimate.heading), decimals=1, width=5)}°"
-        lines = _estimate_lines(estimate)
+        lines = [wait, *_estimate_lines(estimate)]
+        if status.rate_of_turn is not None and status.state == "running":
+            turn = _deg(status.rate_of_turn) * 60
+            side = "" if abs(turn) < 0.05 else " to starboard" if turn > 0 else " to port"
+            lines.insert(1, f"Rate of turn: {abs(turn):.1f}° a minute{side}")
         if status.age is not None:
             lines.append(f"Age of the estimate: {duration_text(float(round(status.age)))}")
     text = "".join(f"<p>{escape(line)}</p>" for line in lines if line)
     return (
-        f'<section class="verdict {kind}"><div><p class="mark" data-verdict>{sign} {escape(_sentence(short))}</p>'
+        f'<section class="verdict {kind}" data-fitness="{status.fitness}"><div>'
+        f'<p class="mark" data-verdict>{sign} {escape(_sentence(short))}</p>'
         f'<div class="big"><b data-heading>{big}</b> <small>true</small></div>{text}</div>'
         f'<div class="rose">{compass(status)}</div></section>'
     )
@@ -84,6 +91,8 @@ def _light(name: str, kind: str, word: str, details: list[str]) -> str:
 
 def _data(status: Status) -> tuple[str, str, str, list[str]]:
     details = [status.source]
+    if status.protocol not in ("", "lines"):
+        details.append(f"frames: {status.protocol}")
     if status.rate_hz is not None:
         details.append(f"{status.rate_hz:g} Hz")
     if status.message:
@@ -170,6 +179,8 @@ def counters(status: Status) -> str:
         ("good rows", count.good, False),
         ("lost samples (bridged)", f"{count.lost} in {count.gaps} gaps", count.lost > 0),
         ("garbage lines", count.garbage, count.garbage > 0),
+        ("bytes of no whole frame", count.skipped_bytes, count.skipped_bytes > 0),
+        ("frames of other messages", count.other_frames, False),
         ("implausible rows", count.implausible, count.implausible > 0),
         ("repeated or stray time stamps", count.strays, count.strays > 0),
         ("jumps of time", count.time_jumps, count.time_jumps > 0),
@@ -184,8 +195,13 @@ def counters(status: Status) -> str:
     last = (
         f'<p class="faint">Last bad line: <code>{escape(status.last_garbage)}</code></p>' if status.last_garbage else ""
     )
-    marks = "".join(f"<li>{mark.time:.1f} s {escape(mark.text)}</li>" for mark in status.marks[-5:])
-    return f"<table>{body}</table>{last}" + (f"<p>Marks:</p><ul>{marks}</ul>" if marks else "")
+    return f"<table>{body}</table>{last}"
+
+
+def marks(status: Status) -> str:
+    """The latest moments that the user marked."""
+    listed = "".join(f"<li>{mark.time:.1f} s {escape(mark.text)}</li>" for mark in status.marks[-5:])
+    return f"<section><p>Marks:</p><ul>{listed}</ul></section>" if listed else ""
 
 
 def _sentence(text: str) -> str:

@@ -59,6 +59,13 @@ def convention(mat: NDArray[np.float64]) -> str:
     return letters
 
 
+def about_vertical(axes: str) -> tuple[tuple[str, float], ...]:
+    """The three other conventions with the same axis down, and what each adds to the heading, rad."""
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # forward becomes right
+    mats = [np.linalg.matrix_power(turn, times) @ mat_bf(axes) for times in (1, 2, 3)]
+    return tuple((convention(mat), -times * np.pi / 2) for times, mat in enumerate(mats, 1))
+
+
 def mat_vb(boresight: tuple[float, float, float]) -> NDArray[np.float64] | None:
     """Rotation from the sensor's to the vehicle's forward-right-down axes; None for none.
 

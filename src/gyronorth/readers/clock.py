@@ -1,9 +1,9 @@
-"""The sample interval behind a column of time stamps, and the samples missing between them.
+"""The sample interval behind a column of time stamps, and the samples lost between them.
 
-Three kinds of columns occur. *Regular*: most steps are alike, longer ones are gaps. *Even*:
-steps differ (stamps rounded to coarse ticks, or jitter) but no stamp strays from a straight
-line by more than a sample, so none is missing. *Irregular*: stamps come in bursts or late; only
-steps well beyond the usual long ones are gaps.
+A stamp is the time of its sample, or later: the host was busy, and read its queue afterwards. So
+the lower envelope of t - i dt, i counting rows, stays where it is while stamps are late, and rises
+for good by dt for each sample that was lost. It is taken over the rows of the next two seconds;
+stamps that come late for longer than that look like a loss until they catch up.
 """
 
 from __future__ import annotations
@@ -13,52 +13,246 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-#: A step within this share of the median step is usual.
-USUAL = 0.25
-#: Steps shorter than usual are no gaps: up to this share a column is still regular.
-MOST_SHORT = 0.05
-#: Share of usual steps that a regular column has at least, and of time that samples at such steps fill: 10 % of
-#: samples may be missing, with a margin. Bursts fill little.
-LEAST_USUAL = 0.6
-#: Unusual steps needed to tell even stamps from gaps: 20 gaps at random stray further than a sample
-#: from a line but once in a million (Kolmogorov's D = 1 / 20 for 20 events).
-ENOUGH_UNUSUAL = 20
+#: Stamps may be late for so long, s, and for so many rows, before a loss is believed.
+LONGEST_LATE = 2.0
+FEWEST_ROWS = 20
+#: A step within this share of the median step is usual, and so large a share of them makes the median the interval.
+USUAL, LEAST_USUAL = 0.25, 0.4
+#: The envelope moves by more than this, in intervals, where a sample is lost: slow drift moves it less in one row.
+MOVE = 0.2
+#: Moves that are no more than so many rows apart are judged together.
+TOGETHER = 16
+#: So many moves make a doubt: 20 losses at random stray further than two samples from a straight line but
+#: once in a million (Kolmogorov's D = 1 / 10 and less for 20 events); stamps rounded to ticks never do.
+ENOUGH_MOVES, STRAIGHT = 20, 2.0
+#: An interval by which more than this share of samples would be lost is none.
+MOST_LOST = 0.5
+#: Fractions of an interval at random have a median size of 0.25; below this they show a phase.
+CLEAR = 0.2
+#: What a good interval leaves of the envelope, in intervals, once the losses are taken out.
+FLAT = 1.0
 
 
 @dataclass(frozen=True)
-class Ticks:
-    """How time stamps advance; all in units of the clock."""
+class Settled:
+    """What is known of the first `len(lost)` rows that had not been settled before."""
 
-    interval: float  # mean step between neighbouring samples
-    longest: float  # a longer step holds a gap
-    expected: float  # length of the longest steps that hold none: what lies beyond is missing
-
-    def missing(self, step: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Whole number of samples missing in each step, shape (n,)."""
-        missing = np.zeros(len(step))
-        for i in np.flatnonzero(step > self.longest):
-            # A late stamp makes its step long and the next one short, an early one the one before.
-            neighbours = step[max(i - 1, 0) : i + 2] if self.expected == self.interval else []
-            lent = sum(self.interval - other for other in neighbours if other < (1 - USUAL) * self.interval)
-            missing[i] = max(0.0, np.rint((step[i] - lent - self.expected) / self.interval))
-        return missing
+    lost: NDArray[np.int64]  # (m,) samples lost before each row
+    late: NDArray[np.float64]  # (m,) how far its stamp lies above the envelope, in intervals
+    moved: NDArray[np.int64]  # (m,) whole samples by which the envelope moves there: `lost`, and what stamps give back
 
 
-def measure(step: NDArray[np.float64]) -> Ticks | None:
-    """What the steps between time stamps, shape (n,), show; None if none is positive."""
-    step = step[step > 0]
-    if len(step) == 0:
+class Envelope:
+    """Takes time stamps in order, batch by batch, and counts the samples lost before each.
+
+    Rows are settled at once unless the envelope has risen in the last `width` rows: then they wait for
+    stamps that bring it back. However the rows are cut into batches, the result is the same.
+
+    Parameters
+    ----------
+    interval : float
+        Time between samples, in units of the stamps.
+    width : int
+        Rows over which the envelope is taken.
+    """
+
+    def __init__(self, interval: float, width: int) -> None:
+        self.interval, self.width = interval, width
+        self.lost = 0  # samples in all rows settled
+        self.level = 0  # by which the envelope has moved, in whole samples; below `lost`: stamps came back
+        self.drift = 0.0  # by which it has moved besides, in samples
+        self.moves = 0
+        self._rows = 0  # settled
+        self._origin: float | None = None
+        self._waiting = np.zeros(0)  # stamps minus grid, in intervals, of rows that are not settled
+        self._last: tuple[float, float] | None = None  # of the last settled row: as it came, and without early stamps
+        self._first = 0.0  # envelope at the first row
+        self._group = (0, 0.0, -TOGETHER - 1)  # level and envelope before the open group of moves, its last row
+
+    def take(self, time: NDArray[np.float64], *, last: bool = False) -> Settled:
+        """Settle what can be settled, or with `last` all rows; `time`, shape (n,), is not decreasing."""
+        if self._origin is None and len(time):
+            self._origin = float(time[0])
+        number = self._rows + len(self._waiting)
+        stray = (time - (self._origin or 0.0)) / self.interval - np.arange(number, number + len(time))
+        stray = np.concatenate([self._waiting, stray])
+        rows = len(stray)
+        if rows > 1 and not last and stray[-1] < stray[-2] - MOVE:
+            rows -= 1  # early itself, or the envelope? The next one tells.
+        if rows == 0:
+            self._waiting = stray
+            return Settled(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0, dtype=np.int64))
+        raised = _without_early(stray, self._last[0] if self._last else None)
+        floor = forward_minimum(raised[:rows], self.width)
+        before = floor[0] if self._last is None else min(self._last[1], floor[0])
+        move = np.diff(floor, prepend=before)
+        moved = np.flatnonzero(np.abs(move) > MOVE)
+        if not last:
+            # Stamps that fall behind by far more than the width do not come back within it.
+            open_ = moved[(move[moved] > 0) & (move[moved] <= 5 * self.width) & (moved > rows - self.width)]
+            if len(open_):
+                rows = int(open_[0])
+                moved = moved[moved < rows]
+        lost, whole = np.zeros((2, rows), dtype=np.int64)
+        if len(moved):
+            lost[moved], whole[moved] = self._judge(np.concatenate([[before], floor]), moved)
+        if rows:
+            if self._last is None:
+                self._first = float(floor[0])
+            self.drift = float(floor[rows - 1]) - self._first - self.level
+            self._last = float(stray[rows - 1]), float(raised[rows - 1])
+        self._rows += rows
+        self._waiting = stray[rows:]
+        return Settled(lost, stray[:rows] - floor[:rows], whole)
+
+    def _judge(
+        self, floor: NDArray[np.float64], moved: NDArray[np.intp]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Samples lost at the rows `moved`, and whole samples moved; `floor` begins with the row before the first."""
+        self.moves += len(moved)
+        level, base, at = self._group
+        number = moved + self._rows
+        begins = np.diff(number, prepend=at) > TOGETHER
+        # The envelope before the group that each move belongs to, and the whole samples by which it has moved since.
+        group = np.cumsum(begins)
+        bases = np.concatenate([[base], floor[moved[begins]]])
+        moves = np.rint(floor[moved + 1] - bases[group]).astype(np.int64)
+        ends = np.append(begins[1:], True)
+        nets = np.zeros(len(bases), dtype=np.int64)
+        nets[group[ends]] = moves[ends]
+        if begins[0]:
+            level = self.level
+        levels = level + np.concatenate([[0], np.cumsum(nets)[:-1]])
+        path = levels[group] + moves
+        highest = np.maximum.accumulate(np.concatenate([[self.lost], path]))
+        whole = np.diff(path, prepend=self.level)
+        self._group = int(levels[-1]), float(bases[-1]), int(number[-1])
+        self.level, self.lost = int(path[-1]), int(highest[-1])
+        return np.diff(highest), whole
+
+
+def forward_minimum(values: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """The least of each value and the `width` - 1 that follow it, shape (n,)."""
+    count = len(values)
+    width = max(1, min(width, count))
+    blocks = np.full(-(-(count + width) // width) * width, np.inf)
+    blocks[:count] = values
+    blocks = blocks.reshape(-1, width)
+    ahead = np.minimum.accumulate(blocks, axis=1).ravel()
+    rest = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
+    return np.minimum(rest[:count], ahead[width - 1 : width - 1 + count])
+
+
+def width_of(seconds: float) -> int:
+    """Rows over which the envelope is taken at a sample interval in s."""
+    return max(FEWEST_ROWS, round(LONGEST_LATE / seconds))
+
+
+def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
+    """The sample interval that steps between time stamps, shape (n,), show; None if none is positive.
+
+    `unit` is in s; None for a counter. Three kinds of columns occur. Most steps are alike: the
+    interval is theirs, longer ones are late or hold a loss. Steps differ (stamps rounded to coarse
+    ticks, bursts, pairs) and stamps keep to a straight line: the interval is the mean. Neither:
+    bursts of which some are lost.
+    """
+    step = step[step >= 0]
+    positive = step[step > 0]
+    if len(positive) == 0:
         return None
-    middle, mean = float(np.median(step)), float(step.mean())
-    unusual = np.abs(step - middle) > USUAL * middle
-    if np.count_nonzero(unusual) >= ENOUGH_UNUSUAL:
-        stray = np.cumsum(step) / mean - np.arange(1, len(step) + 1)
-        if np.ptp(stray) <= 2.0:
-            return Ticks(mean, longest=1.5 * max(float(step.max()), mean), expected=mean)
-    interval = middle if unusual.all() else float(step[~unusual].mean())
-    filled = len(step) * interval / float(step.sum())
-    if np.mean(step < (1 - USUAL) * middle) <= MOST_SHORT and min(1 - np.mean(unusual), filled) >= LEAST_USUAL:
-        return Ticks(interval, longest=1.5 * interval, expected=interval)
-    usual_long = float(np.quantile(step, 0.95))
-    interval = float(step[step <= 1.4 * usual_long].mean())
-    return Ticks(interval, longest=max(1.4 * usual_long, 1.5 * interval), expected=max(usual_long, interval))
+    middle = float(np.median(positive))
+    usual = np.abs(step - middle) <= USUAL * middle
+    common = None
+    if usual.mean() >= LEAST_USUAL:
+        interval, clear = _in_phase(step, float(step[usual].mean()))
+        found = _refined(step, interval, unit)
+        if clear and found.moves < ENOUGH_MOVES and found.flat:
+            return found.interval
+        common = found.interval if found.lost <= MOST_LOST * len(step) else None
+    mean = _straight(step, unit)
+    if mean is not None or common is not None:
+        return mean or common
+    return _refined(step, _of_bursts(step), unit).interval
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """How well an interval fits."""
+
+    interval: float
+    moves: int  # of the envelope
+    lost: int  # samples, by the envelope
+    flat: bool  # whether the envelope is, without the losses
+
+
+def _refined(step: NDArray[np.float64], interval: float, unit: float | None) -> _Fit:
+    """An interval made better by the rows that lie on its envelope."""
+    time = np.concatenate([[0.0], np.cumsum(step)])
+    for turn in range(3):
+        # An interval that is a little off tilts the envelope: the first look is over few rows.
+        envelope = Envelope(interval, FEWEST_ROWS if turn == 0 else _width(interval, unit))
+        level = np.cumsum(envelope.take(time, last=True).moved)
+        if turn < 2:
+            interval = _on_line(time, interval, level)
+    left = forward_minimum(_without_early(time / interval - np.arange(len(time)) - level, None), envelope.width)
+    flat = float(np.ptp(left[: max(1, len(left) - FEWEST_ROWS)])) <= FLAT
+    return _Fit(interval, envelope.moves, envelope.lost, flat)
+
+
+def _in_phase(step: NDArray[np.float64], interval: float) -> tuple[float, bool]:
+    """An interval made better by what 2, 4, ... 16 steps last beyond whole intervals, and whether this is clear.
+
+    Losses do not matter to it, being whole intervals.
+    """
+    time = np.concatenate([[0.0], np.cumsum(step)])
+    for lag in (2, 4, 8, 16):
+        if len(time) > 2 * lag:
+            beyond = (time[lag:] - time[:-lag]) / interval
+            beyond -= np.rint(beyond)
+            if np.median(np.abs(beyond)) > CLEAR:
+                return interval, False
+            interval *= 1 + float(np.median(beyond)) / lag
+    return interval, True
+
+
+def _of_bursts(step: NDArray[np.float64]) -> float:
+    """The usual time from burst to burst over the usual number of rows in one."""
+    begins = np.flatnonzero(step > 0.5 * np.quantile(step[step > 0], 0.95))
+    if len(begins) < 3:
+        return float(step.mean())
+    rows, middle = np.diff(begins), np.median(np.diff(begins))
+    periods = np.diff(np.cumsum(step)[begins])
+    return float(np.median(periods) / rows[np.abs(rows - middle) <= USUAL * middle].mean())
+
+
+def _straight(step: NDArray[np.float64], unit: float | None) -> float | None:
+    """The mean interval, if the lower envelope of the stamps keeps to a straight line."""
+    time = np.concatenate([[0.0], np.cumsum(step)])
+    mean = _on_line(time, float(step.mean()), np.zeros(len(time)))
+    width = min(_width(mean, unit), max(FEWEST_ROWS, len(time) // 4))
+    floor = forward_minimum(_without_early(time / mean - np.arange(len(time)), None), width)
+    return mean if float(np.ptp(floor[: max(1, len(floor) - width)])) <= STRAIGHT else None
+
+
+def _on_line(time: NDArray[np.float64], interval: float, lost: NDArray[np.float64] | NDArray[np.int64]) -> float:
+    """The interval by the medians of the first and the last third of the rows."""
+    third = len(time) // 3
+    if third < 2:
+        return float(time[-1] / (len(time) - 1 + lost[-1])) if len(time) > 1 else interval
+    number = np.arange(len(time)) + lost
+    stray = interval * _without_early(time / interval - number, None)
+    slope = (np.median(stray[-third:]) - np.median(stray[:third])) / (number[-third:].mean() - number[:third].mean())
+    return interval + float(slope)
+
+
+def _width(interval: float, unit: float | None) -> int:
+    return FEWEST_ROWS if unit is None else width_of(interval * unit)
+
+
+def _without_early(stray: NDArray[np.float64], before: float | None) -> NDArray[np.float64]:
+    """Single stamps that lie below both neighbours raised to the lower of these."""
+    if len(stray) < 2:
+        return stray
+    previous = np.concatenate([[stray[0] if before is None else before], stray[:-1]])
+    following = np.concatenate([stray[1:], [-np.inf]])
+    return np.maximum(stray, np.minimum(previous, following))

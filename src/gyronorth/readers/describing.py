@@ -13,7 +13,7 @@ from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.probe import Probe, probe
-from gyronorth.readers.reading import CHUNK_SAMPLES, Progress, RecordingInfo, read_chunks
+from gyronorth.readers.reading import CHUNK_SAMPLES, Progress, Reading, RecordingInfo, chunks_of, options_of
 from gyronorth.recording import Gap, Note
 
 
@@ -30,6 +30,22 @@ class ProbeEstimate:
 
 
 @dataclass(frozen=True)
+class ClockReport:
+    """What the time stamps of a file show; counts of rows."""
+
+    data: float  # s of samples that are not bridged
+    lost: int  # samples missing between the rows, and bridged
+    late: int  # stamps that are late by more than half an interval, though no sample is lost
+    latest: float  # by how much the latest is, s
+    repeated: int  # stamps that repeat the one before, with other values: taken as samples
+    duplicated: int  # rows that repeat the one before, left out
+    backwards: int  # rows whose stamp runs backwards or leaps ahead, left out
+    wraps: tuple[str, ...]  # where the clock started again from 0 and was followed
+    given_back: int  # bridged samples which later stamps show not to have been lost
+    scatter: float  # root mean square of the steps about the interval, in intervals
+
+
+@dataclass(frozen=True)
 class Description:
     """A file and its means, body axes and SI."""
 
@@ -42,6 +58,7 @@ class Description:
     gaps: tuple[Gap, ...]  # with `estimate`: those that the file states and those at the places that were read
     notes: tuple[Note, ...]
     estimate: ProbeEstimate | None = None  # None: all of the file was read
+    clock: ClockReport | None = None  # None without a time column, and where not all was read
 
     @property
     def rate_norm(self) -> float:
@@ -53,6 +70,8 @@ class Description:
         info = asdict(self.info)
         latitude, heading = info.pop("latitude"), info.pop("heading_true")
         info.pop("notes")
+        read_as = info.pop("read_as")
+        origin = info.pop("axes_origin")
         return info | {
             "latitude_deg": None if latitude is None else float(np.degrees(latitude)),
             "heading_true_deg": None if heading is None else float(np.degrees(heading)),
@@ -66,6 +85,10 @@ class Description:
             "gaps": [asdict(gap) for gap in self.gaps],
             "notes": [asdict(note) for note in self.notes],
             "estimated_from": None if self.estimate is None else _estimate_json(self.estimate),
+            "read_as": read_as,
+            "axes_origin": origin,
+            "clock": None if self.clock is None else _clock_json(self.clock),
+            "schema": "gyronorth.info/1",
         }
 
 
@@ -88,7 +111,8 @@ def describe(
         found = None
     if found is not None:
         return _estimated(found)
-    info, chunks = read_chunks(path, options, chunk_samples=chunk_samples, progress=progress, **declared)
+    reading = Reading(path, options_of(options, declared), progress)
+    info, chunks = chunks_of(reading, chunk_samples)
     total, samples, dropped = np.zeros(6), 0, 0
     gaps: list[Gap] = []
     notes: dict[str, Note] = {}
@@ -109,7 +133,37 @@ def describe(
         rows_dropped=dropped,
         gaps=tuple(gaps),
         notes=tuple(notes.values()),
+        clock=_clock(reading, samples - sum(gap.samples for gap in gaps)),
     )
+
+
+def _clock(reading: Reading, kept: int) -> ClockReport | None:
+    """The report of a file that was read to its end, with so many samples that are not bridged."""
+    grid, counts = reading.regulariser, reading.regulariser.counts
+    if reading.source.clock is None:
+        return None
+    return ClockReport(
+        data=kept / reading.rate_hz,
+        lost=grid.missing,
+        late=counts.late,
+        latest=counts.latest,
+        repeated=counts.repeated,
+        duplicated=counts.duplicated,
+        backwards=counts.backwards,
+        wraps=counts.wraps,
+        given_back=counts.given_back,
+        scatter=grid.jitter,
+    )
+
+
+def _clock_json(clock: ClockReport) -> dict[str, Any]:
+    document = asdict(clock)
+    return {
+        "data_s": document.pop("data"),
+        "latest_s": document.pop("latest"),
+        "wraps": list(document.pop("wraps")),
+        **document,
+    }
 
 
 def _estimated(seen: Probe) -> Description:

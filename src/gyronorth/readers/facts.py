@@ -16,8 +16,8 @@ from gyronorth.recording import Gap, shift_utc
 SIGNATURE = ("format", "gyronorth.recording/1")
 #: All keys, in the order in which they are written.
 KEYS = (
-    SIGNATURE[0], "rate_hz", "gyro_unit", "accel_unit", "axes", "latitude_deg", "heading_true_deg", "start_time_utc",
-    "session", "samples", "rows_dropped", "gaps",
+    SIGNATURE[0], "rate_hz", "gyro_unit", "accel_unit", "axes", "axes_assumed", "latitude_deg", "heading_true_deg",
+    "start_time_utc", "session", "samples", "rows_dropped", "gaps",
 )  # fmt: skip
 _PI = Decimal("3.14159265358979323846264338327950288")
 #: Significant digits that tell any two doubles apart after a change of unit.
@@ -61,6 +61,7 @@ def read_facts(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[F
             raise InputError(f"{where(key)}: {error}") from None
         return text
 
+    assumed = understood("axes_assumed", mat_bf)
     axes, start = understood("axes", mat_bf), understood("start_time_utc", lambda text: shift_utc(text, 0.0))
     latitude_deg, heading_deg = value("latitude_deg", -90, 90), value("heading_true_deg", -360, 360)
     rate_hz, samples, dropped = value("rate_hz", 1e-3, 1e6), value("samples", 1, 1e12), value("rows_dropped", 0, 1e12)
@@ -69,6 +70,7 @@ def read_facts(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[F
         gyro_unit=choice("gyro_unit", GYRO_UNITS),
         accel_unit=choice("accel_unit", ACCEL_UNITS),
         axes=axes,
+        axes_assumed=assumed,
         latitude=None if latitude_deg is None else _radians(latitude_deg),
         heading_true=None if heading_deg is None else _radians(heading_deg),
         session=texts.get("session"),
@@ -94,6 +96,7 @@ def write_facts(facts: Facts) -> dict[str, str]:
         "gyro_unit": facts.gyro_unit,
         "accel_unit": facts.accel_unit,
         "axes": facts.axes,
+        "axes_assumed": facts.axes_assumed,
         "latitude_deg": None if facts.latitude is None else _degrees(facts.latitude),
         "heading_true_deg": None if facts.heading_true is None else _degrees(facts.heading_true, turns=True),
         "start_time_utc": facts.start_time_utc,

@@ -23,6 +23,8 @@ class Format:
     open: Callable[[Path, ReadOptions], Source]
     recognises: Callable[[bytes], bool] = lambda _head: False  # by the first `LOOK` bytes of a file
     write: Callable[[RecordingStream, Path], None] | None = None
+    #: Modules of foreign code that decode it: they are imported here, and used in a process of its own.
+    foreign: tuple[str, ...] = ()
 
 
 def format_info(name: str) -> FormatInfo:

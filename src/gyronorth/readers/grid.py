@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.clock import Ticks, measure
+from gyronorth.readers.clock import Envelope, measure, width_of
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
-from gyronorth.readers.source import DESCRIBED, Block, Source
+from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Source
 from gyronorth.recording import Gap
 
 #: Largest plausible angular rate, rad/s (2005 deg/s, the range of the fastest gyros), and specific force, m/s^2.
@@ -22,17 +24,51 @@ MOST_MISSING = 0.1
 TIMED_RATES = (0.5, 20000.0)
 #: Largest relative difference between a declared rate and that of the time column.
 RATE_TIMED_TOLERANCE = 0.01
+#: Largest difference between the length of the samples and the span of the time column: share, and s.
+SPAN_TOLERANCE, SPAN_SLACK = 0.01, 0.5
 #: Root mean square of time steps against the interval, in intervals, above which stamps jitter: stamps
 #: rounded to ticks of up to an interval show sqrt(1/8) = 0.354 at most.
 JITTER = 0.36
+#: ... over so many steps at least.
+SCATTER_ROWS = 500
+#: A stamp is late beyond this, in intervals.
+LATE = 0.5
+#: Where a clock starts again from 0, s, and its name.
+WRAPS = (
+    (604800.0, "the GPS week ends"),
+    (86400.0, "the day ends"),
+    (2.0**32 * 1e-6, "a 32-bit counter of microseconds overflows"),
+    (2.0**32 * 1e-3, "a 32-bit counter of milliseconds overflows"),
+)
+#: Longest time before and after such a place, s.
+AROUND_WRAP = 10.0
+#: So many rows in order behind one that runs backwards are a clock that started again, not rows out of order.
+RESTART_ROWS = 20
+#: Largest share of rows that repeat a stamp with other values: beyond pairs, the clock is too coarse.
+MOST_REPEATED = 0.6
 #: More bad rows than this end the reading at once.
 PATIENCE = 1000
+
+
+@dataclass
+class ClockCounts:
+    """What the time stamps of the samples so far show."""
+
+    late: int = 0  # stamps that lie more than `LATE` intervals above the lower envelope
+    latest: float = 0.0  # how far the latest of them does, s
+    repeated: int = 0  # stamps that repeat the one before, with other values
+    duplicated: int = 0  # rows left out: they repeat the one before, stamp and values
+    backwards: int = 0  # rows left out: their stamp runs backwards or leaps ahead
+    wraps: tuple[str, ...] = ()  # where the clock started again from 0 and was followed
+    given_back: int = 0  # samples taken for lost, until later stamps came back
 
 
 class GridBuilder:
     """Takes the blocks of a file one after the other and returns uniform samples.
 
-    `rate_hz` is None until the first usable block when it comes from the time column.
+    `rate_hz` is None until the first usable block when it comes from the time column. Rows whose
+    stamps are late, or which follow a loss, wait up to `clock.LONGEST_LATE` s for those behind them:
+    `flush` returns what waits at the end.
     """
 
     def __init__(self, source: Source, declared: Declared, options: ReadOptions) -> None:
@@ -42,16 +78,25 @@ class GridBuilder:
         self.leading = 0  # rows dropped before the first sample
         self.samples = 0  # samples returned so far
         self.missing = 0  # of these, bridged
-        self.jitter = 0.0  # largest root mean square of a block, in sample intervals
+        self.jitter = 0.0  # largest root mean square of some hundred steps about the interval, in intervals
+        self.counts = ClockCounts()
+        self.flagged = np.zeros(len(FLAGS), dtype=np.int64)  # rows that the unit itself marks, as `FLAGS`
+        self._marks: list[tuple[NDArray[np.int64], NDArray[np.bool_]]] = []  # numbers and flags of rows not placed yet
         self._source, self._declared, self._options = source, declared, options
         self._window: tuple[float, float] = (0, np.inf)  # in samples, once the rate is known
-        self._settled = False  # whether rate, ticks and window are known
-        self._ticks: Ticks | None = None  # of the time column
+        self._settled = False  # whether rate, interval and window are known
+        self._interval = 1.0  # of the time column, in its unit
+        self._envelope: Envelope | None = None  # None without a time column
         self.rows = 0  # rows seen, good and bad
         self._position = -1  # of the last sample on the grid
         self._last_row = 0
-        self._last_time = 0.0
-        self._last_values: NDArray[np.float64] | None = None
+        self._last_time: float | None = None  # of the last row in order, as it stands in the file
+        self._stamp = 0.0  # the same, without wraps
+        self._last_seen: NDArray[np.float64] | None = None  # values of the last row in order
+        self._last_values: NDArray[np.float64] | None = None  # of the last row on the grid
+        self._last_stamp = 0.0  # of the last row on the grid
+        self._waiting = _Rows.none(len(declared.scale(1.0)))
+        self._scatter = (0, 0.0)  # steps since `jitter` was taken, sum of their squares about the interval
         self._described: list[tuple[int, str]] = []
 
     @property
@@ -64,7 +109,7 @@ class GridBuilder:
         self.rows += len(block.rows) + len(block.bad.rows)
         if not self._settled and len(block.values):
             self._settle(block)
-        bad, reasons = [block.bad.rows], list(block.bad.reasons)
+        bad, reasons, restart = [block.bad.rows], list(block.bad.reasons), None
         with np.errstate(over="ignore", invalid="ignore"):
             data = self._scaled(block.values)
             usable = self._usable(data, block, reasons)
@@ -73,23 +118,60 @@ class GridBuilder:
                 data, rows, values = data[usable], block.rows[usable], block.values[usable]
             else:
                 rows, values = block.rows, block.values
-            if self._source.clock is None:
-                steps = np.diff(rows, prepend=self._last_row if self._position >= 0 else rows[:1] - 1)
-            else:
-                ordered, steps = self._steps(values[:, 0], rows, reasons)
-                bad.append(rows[~ordered])
-                data, rows = data[ordered], rows[ordered]
-        self._check_gaps(steps, rows)
-        positions = self._position + np.cumsum(steps.astype(np.int64))
-        self._note_bad(np.concatenate(bad), reasons, rows, positions)
-        if len(rows) == 0:
-            return data
-        samples = self._bridged(data, positions, steps)
-        self._position, self._last_row, self._last_values = int(positions[-1]), int(rows[-1]), data[-1]
-        self.samples += len(samples)
+            stamps = np.zeros(len(rows))
+            if self._source.clock is not None and len(rows):
+                ordered, stamps, restart = self._in_order(values[:, 0], data, rows, reasons)
+                end = len(rows) if restart is None else restart[0]
+                bad.append(rows[:end][~ordered[:end]])
+                data, rows, stamps = data[:end][ordered[:end]], rows[:end][ordered[:end]], stamps[:end][ordered[:end]]
+        if block.flags is not None and block.flags.any():
+            self._marks.append((block.rows, block.flags))
+        self._waiting = self._waiting.followed_by(_Rows(data, rows, stamps, np.concatenate(bad), tuple(reasons)))
+        samples = self._placed(stamps, last=restart is not None)
+        if restart is not None and not self.done:
+            self.raise_bad()
+            raise InputError(self._restarted(restart[1]))
         if self.rows_dropped > PATIENCE and self.rows_dropped > self.rows / 2:
             self.finish()
         return samples
+
+    def flush(self) -> NDArray[np.float64]:
+        """The samples of rows that waited for the stamps behind them; to be called behind the last block."""
+        samples = self._placed(np.zeros(0), last=True)
+        self._end_scatter()
+        return samples
+
+    def _placed(self, stamps: NDArray[np.float64], *, last: bool) -> NDArray[np.float64]:
+        """Samples of the waiting rows, of which `stamps` are the new ones, as far as their places are settled."""
+        rows = self._waiting
+        if self._envelope is None:
+            before = self._last_row if self._position >= 0 else rows.numbers[:1] - 1
+            steps = np.asarray(np.diff(rows.numbers, prepend=before), dtype=np.float64)
+        else:
+            settled = self._envelope.take(stamps, last=last)
+            steps = np.asarray(1.0 + settled.lost, dtype=np.float64)
+            self._count(settled.late)
+        now, self._waiting = rows.split(len(steps), last=last or len(steps) == len(rows.numbers))
+        self._check_gaps(steps, now.numbers)
+        positions = self._position + np.cumsum(steps.astype(np.int64))
+        self._note_bad(now.bad, list(now.reasons), now.numbers, positions)
+        if len(now.numbers) == 0:
+            return now.data
+        self._count_flags(now.numbers, positions)
+        self._note_jitter(now.stamps, steps)
+        samples = self._bridged(now.data, positions, steps)
+        self._position, self._last_row = int(positions[-1]), int(now.numbers[-1])
+        self._last_values, self._last_stamp = now.data[-1], float(now.stamps[-1])
+        self.samples += len(samples)
+        self._check_span()
+        return samples
+
+    def _count_flags(self, numbers: NDArray[np.int64], positions: NDArray[np.int64]) -> None:
+        """Rows inside the window that the unit marks."""
+        inside = numbers[(positions >= self._window[0]) & (positions < self._window[1])]
+        for rows, flags in self._marks:
+            self.flagged += flags[np.isin(rows, inside)].sum(axis=0)
+        self._marks = [mark for mark in self._marks if mark[0][-1] > numbers[-1]]
 
     def raise_bad(self) -> None:
         """Complain of bad rows, unless they may be dropped."""
@@ -141,15 +223,53 @@ class GridBuilder:
         """Sample interval and rate from the first usable block."""
         clock = self._source.clock
         if clock is not None:
-            time = block.values[:, 0]
-            self._ticks = measure(self._differences(time[np.isfinite(time)]))
-            if self._ticks is None and self.rate_hz is None:
-                raise InputError(self._timeless(time[np.isfinite(time)], clock.name))
-            if self._ticks is not None and clock.unit is not None:
-                self._agree(float(f"{1 / (self._ticks.interval * clock.unit):.7g}"), clock.name)
+            time, data = block.values[:, 0], block.values[:, 1:]
+            finite = np.isfinite(time)
+            time, data = time[finite], data[finite]
+            step = self._differences(time)
+            twice = np.zeros(len(step), dtype=bool) if (step != 0).all() else _repeats(step, data)
+            interval = measure(step[~twice], unit=clock.unit)
+            if interval is None and (self.rate_hz is None or len(time) > 1):
+                raise InputError(self._timeless(time, clock.name))
+            if interval is None:
+                self._interval = 1 / ((self.rate_hz or 1.0) * (clock.unit or 1.0))
+            else:
+                self._interval = interval
+                self._check_whole(time, clock)
+                self._check_coarse(step[~twice], clock)
+            if interval is not None and clock.unit is not None:
+                self._agree(float(f"{1 / (interval * clock.unit):.7g}"), clock.name)
+            seconds = self._interval * (clock.unit or 1.0)
+            self._envelope = Envelope(self._interval, 1 if clock.unit is None else width_of(seconds))
         self._settled = True
         if self._options.window and self.rate_hz:
             self._window = tuple(round(limit * self.rate_hz) for limit in self._options.window)  # type: ignore[assignment]
+
+    def _check_whole(self, time: NDArray[np.float64], clock: Clock) -> None:
+        """Whole numbers that nobody called seconds are a row counter or milliseconds."""
+        if clock.unit != 1.0 or clock.known or self.rate_hz is not None or len(time) < 3:
+            return
+        if self._interval >= 0.5 and (time == np.rint(time)).all():
+            raise InputError(
+                f"{clock.name} of {self._source.name} counts in whole numbers, by {self._interval:.4g} a row "
+                f"({time[0]:.10g}, {time[1]:.10g}, {time[2]:.10g}, ...): seconds are not likely. If it counts rows, "
+                "leave it out and declare the rate: --columns t=- --rate HZ. If it counts milliseconds, the rate is "
+                f"{1e3 / self._interval:.6g} Hz: --columns t=- --rate {1e3 / self._interval:.6g}. If these really are "
+                f"seconds: --rate {1 / self._interval:.6g}."
+            )
+
+    def _check_coarse(self, step: NDArray[np.float64], clock: Clock) -> None:
+        """More than pairs of rows with one stamp: the clock tells nothing of single samples."""
+        if clock.unit is None or len(step) < RESTART_ROWS:
+            return
+        share = float(np.mean(step == 0))
+        if share > MOST_REPEATED:
+            rate_hz = 1 / (float(step[step >= 0].mean()) * clock.unit)
+            raise InputError(
+                f"{clock.name} of {self._source.name} repeats the stamp before it in {share:.0%} of the rows, with "
+                f"other values: it is too coarse. By its mean step the rate is about {rate_hz:.5g} Hz. Leave it out, "
+                f"and declare the rate: --columns t=- --rate {rate_hz:.5g}."
+            )
 
     def _timeless(self, time: NDArray[np.float64], title: str) -> str:
         """Why no rate can be had from these times, of which none is later than the one before."""
@@ -188,7 +308,7 @@ class GridBuilder:
 
     def _scaled(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         data = values if self._source.clock is None else values[:, 1:]
-        scale = self._declared.scale * (self.rate_hz or 1.0 if self._declared.increments else 1.0)
+        scale = self._declared.scale(self.rate_hz or 1.0)
         return data if (scale == 1).all() else data * scale
 
     def _usable(
@@ -205,7 +325,9 @@ class GridBuilder:
         if usable.all():
             return None
         wrong = np.flatnonzero(~usable)
-        described = [(int(block.rows[i]), self._why(block.values[i], data[i])) for i in wrong[:DESCRIBED]]
+        # In a window the first ones may lie before it.
+        shown = wrong if self._options.window and self._position < self._window[1] else wrong[:DESCRIBED]
+        described = [(int(block.rows[i]), self._why(block.values[i], data[i])) for i in shown]
         if len(wrong) > len(data) / 2:
             row, why = described[0]
             raise InputError(
@@ -233,37 +355,112 @@ class GridBuilder:
                 )
         return "f_x, f_y and f_z are all exactly 0, which no body at rest can feel"
 
-    def _steps(
-        self, time: NDArray[np.float64], rows: NDArray[np.int64], reasons: list[tuple[int, str]]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Which rows are in order of time, and the steps on the grid between these."""
-        ticks = self._ticks or Ticks(1.0, longest=np.inf, expected=1.0)
-        first, interval = self._position < 0, ticks.interval
-        start = time[:1] - interval if first else np.array([self._last_time])
-        step = self._differences(np.concatenate([start, time]))
-        ordered = np.ones(len(time), dtype=bool)
+    def _in_order(
+        self,
+        time: NDArray[np.float64],
+        data: NDArray[np.float64],
+        rows: NDArray[np.int64],
+        reasons: list[tuple[int, str]],
+    ) -> tuple[NDArray[np.bool_], NDArray[np.float64], tuple[int, str] | None]:
+        """Which rows are in order of time, their stamps without wraps, and where and how the clock started again."""
+        interval = self._interval
+        start = time[:1] - interval if self._last_time is None else np.array([self._last_time])
+        raw = np.concatenate([start, time])
+        step = self._differences(raw)
+        if (step < 0).any():
+            step = self._over_wraps(raw, step)
+        stamps = self._stamp + np.cumsum(step)
+        ordered, restart = np.ones(len(time), dtype=bool), None
         if not (step > 0).all():
-            unwrapped = start + np.cumsum(step)
-            before = np.concatenate([start, unwrapped[:-1]])
+            before = np.concatenate([[self._stamp], stamps[:-1]])
             # A stamp that leaps ahead, and from which the next one falls back, is wrong itself.
-            falls_back = (unwrapped[:-1] >= unwrapped[1:]) & (before[:-1] < unwrapped[1:])
+            falls_back = (stamps[:-1] > stamps[1:]) & (before[:-1] < stamps[1:])
             ordered[:-1] &= ~(falls_back & (step[:-1] > 1.5 * interval))
-            latest = np.maximum.accumulate(np.concatenate([start, np.where(ordered, unwrapped, -np.inf)]))[:-1]
-            ordered &= unwrapped > latest
-            for i in np.flatnonzero(~ordered)[:DESCRIBED]:
+            latest = np.maximum.accumulate(np.concatenate([[self._stamp], np.where(ordered, stamps, -np.inf)]))[:-1]
+            seen = data[:1] if self._last_seen is None else self._last_seen[None]
+            twice = _repeats(step, np.concatenate([seen, data])) & (step == 0)
+            ordered &= (stamps >= latest) & ~twice
+            at = _first_run(stamps < latest, RESTART_ROWS)
+            end = len(time) if at is None else at
+            name = self._source.clock.name if self._source.clock else ""
+            if at is not None:
+                restart = at, f"Row {rows[at]} of {self._source.name}: {name} is {time[at]:.10g} after {raw[at]:.10g}"
+            for i in np.flatnonzero(~ordered[:end])[:DESCRIBED]:
                 way = "repeats" if step[i] == 0 else "runs backwards" if step[i] < 0 else "leaps"
-                title = self._source.clock.name if self._source.clock else ""
-                reasons.append((int(rows[i]), f"time {way}: {title} is {time[i]:.10g} after {time[i] - step[i]:.10g}"))
-            kept = unwrapped[ordered]
-            step = np.diff(np.concatenate([start, kept]))
-            time = time[ordered]
-        if len(step) == 0:
-            return ordered, step
-        self._last_time = float(time[-1])
-        missing = ticks.missing(step)
-        usual = step[missing == 0] / ticks.interval
-        self.jitter = max(self.jitter, float(np.sqrt(np.mean((usual - 1) ** 2))) if len(usual) else 0.0)
-        return ordered, 1 + missing
+                also = ", and so do its values" if twice[i] else ""
+                reasons.append((int(rows[i]), f"time {way}: {name} is {time[i]:.10g} after {raw[i]:.10g}{also}"))
+            self.counts.duplicated += int(twice[:end].sum())
+            self.counts.backwards += int((~ordered[:end] & ~twice[:end]).sum())
+            self.counts.repeated += int((ordered & (step == 0))[:end].sum())
+        kept = np.flatnonzero(ordered[: None if restart is None else restart[0]])
+        if len(kept):
+            i = int(kept[-1])
+            self._last_time, self._stamp, self._last_seen = float(time[i]), float(stamps[i]), data[i]
+        return ordered, stamps, restart
+
+    def _over_wraps(self, raw: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Steps across the places where clocks start again from 0: a GPS week, a day, a counter's end."""
+        clock = self._source.clock
+        if clock is None or clock.unit is None or clock.wrap is not None:
+            return step
+        around = AROUND_WRAP / clock.unit
+        for seconds, words in WRAPS:
+            wrap = seconds / clock.unit
+            at = (step < 0) & (raw[:-1] > wrap - around) & (raw[:-1] < wrap + 2 * self._interval) & (raw[1:] < around)
+            at &= (raw[1:] >= 0) & (step + wrap > 0)
+            if at.any():
+                step = np.where(at, step + wrap, step)
+                self.counts.wraps += (words,) * int(at.sum())
+        return step
+
+    def _restarted(self, where: str) -> str:
+        """What to do about a clock that started again; `where` says at which row, and from what to what."""
+        rate_hz, lasts = self.rate_hz or 1.0, (self._position + 1) / (self.rate_hz or 1.0)
+        before = f"Take the part before it: --window 0:{np.floor(100 * lasts) / 100:g}; or, if" if lasts > 1 else "If"
+        return (
+            f"{where}, and the rows behind it go on from there: the clock was set back or started again, and how much "
+            f"time passed is not known. {before} no sample was lost there, leave the time column out: --columns t=- "
+            f"--rate {rate_hz:.7g}."
+        )
+
+    def _count(self, late: NDArray[np.float64]) -> None:
+        """Late stamps; `late` in sample intervals."""
+        if len(late):
+            self.counts.late += int(np.count_nonzero(late > LATE))
+            self.counts.latest = max(self.counts.latest, float(late.max()) / (self.rate_hz or 1.0))
+        if self._envelope is not None:
+            self.counts.given_back = self._envelope.lost - max(self._envelope.level, 0)
+
+    def _note_jitter(self, stamps: NDArray[np.float64], steps: NDArray[np.float64]) -> None:
+        if self._envelope is None:
+            return
+        before = self._last_stamp if self._last_values is not None else stamps[0] - self._interval
+        usual = np.diff(stamps, prepend=before)[steps == 1] / self._interval
+        self._scatter = self._scatter[0] + len(usual), self._scatter[1] + float(np.sum((usual - 1) ** 2))
+        if self._scatter[0] >= SCATTER_ROWS:
+            self._end_scatter()
+
+    def _end_scatter(self) -> None:
+        """The root mean square of the steps since the last time."""
+        rows, squares = self._scatter
+        if rows >= SCATTER_ROWS or (rows and self.jitter == 0):
+            self.jitter = max(self.jitter, float(np.sqrt(squares / rows)))
+        self._scatter = (0, 0.0)
+
+    def _check_span(self) -> None:
+        """Samples over rate against the span of the time column."""
+        envelope, rate_hz = self._envelope, self.rate_hz
+        if envelope is None or rate_hz is None or self._source.clock is None or self._source.clock.unit is None:
+            return
+        samples = self._position + 1
+        over = envelope.lost - envelope.level - envelope.drift
+        if abs(over) > SPAN_TOLERANCE * samples + SPAN_SLACK * rate_hz + RESTART_ROWS:
+            raise InputError(
+                f"Up to row {self._last_row} of {self._source.name}, {samples} samples at {rate_hz:.6g} Hz last "
+                f"{samples / rate_hz:.6g} s, but {self._source.clock.name} spans {(samples - over) / rate_hz:.6g} s: "
+                "the rate changes within the file, or its clock does. Take a part at one rate: --window START:END, or "
+                "split the file."
+            )
 
     def _check_gaps(self, steps: NDArray[np.float64], rows: NDArray[np.int64]) -> None:
         """No gap inside the window is longer than what a straight line may bridge."""
@@ -328,8 +525,73 @@ class GridBuilder:
         self.rows_dropped += int(inside.sum())
         if self._last_values is None:
             self.leading += int((places == 0).sum())
-        counted = set(bad[inside].tolist())
-        self._described += [reason for reason in sorted(reasons) if reason[0] in counted]
-        del self._described[DESCRIBED:]
+        known = dict(sorted(reasons, reverse=True))  # of two reasons of a row the first one
+        counted = np.sort(bad[inside])[: DESCRIBED - len(self._described)].tolist()
+        self._described += [(row, known.get(row, "it does not hold a usable number in each column")) for row in counted]
         if not self._options.drop_bad_rows and self.rows_dropped > PATIENCE:
             self.raise_bad()
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows in order of time whose places on the grid are not settled, and the bad ones among them."""
+
+    data: NDArray[np.float64]  # (m, 3) or (m, 6) SI
+    numbers: NDArray[np.int64]  # (m,) as the user counts rows
+    stamps: NDArray[np.float64]  # (m,) in units of the clock, without wraps
+    bad: NDArray[np.int64]  # numbers of bad rows
+    reasons: tuple[tuple[int, str], ...]
+
+    @classmethod
+    def none(cls, width: int) -> _Rows:
+        """No row."""
+        nothing = np.zeros(0, dtype=np.int64)
+        return cls(np.zeros((0, width)), nothing, np.zeros(0), nothing, ())
+
+    def followed_by(self, other: _Rows) -> _Rows:
+        """Both, `other` last."""
+        if len(self.numbers) == len(self.bad) == 0:
+            return other
+        return _Rows(
+            np.concatenate([self.data, other.data]),
+            np.concatenate([self.numbers, other.numbers]),
+            np.concatenate([self.stamps, other.stamps]),
+            np.concatenate([self.bad, other.bad]),
+            self.reasons + other.reasons,
+        )
+
+    def split(self, count: int, *, last: bool) -> tuple[_Rows, _Rows]:
+        """The first `count` rows, with the bad ones before the next row (with `last` all bad ones), and the rest."""
+        if last:
+            return self, _Rows.none(self.data.shape[1])
+        limit = int(self.numbers[count])
+        early = self.bad < limit
+        return (
+            _Rows(
+                self.data[:count],
+                self.numbers[:count],
+                self.stamps[:count],
+                self.bad[early],
+                tuple(reason for reason in self.reasons if reason[0] < limit),
+            ),
+            _Rows(
+                self.data[count:],
+                self.numbers[count:],
+                self.stamps[count:],
+                self.bad[~early],
+                tuple(reason for reason in self.reasons if reason[0] >= limit),
+            ),
+        )
+
+
+def _repeats(step: NDArray[np.float64], data: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which steps, shape (n,), between rows of data, shape (n + 1, k), lead to the same time and the same values."""
+    return (step == 0) & (data[1:] == data[:-1]).all(axis=1)
+
+
+def _first_run(flags: NDArray[np.bool_], length: int) -> int | None:
+    """Where the first run of at least `length` true flags begins; None where there is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
+    begins, ends = edges[::2], edges[1::2]
+    long = np.flatnonzero(ends - begins >= length)
+    return int(begins[long[0]]) if len(long) else None

@@ -9,6 +9,7 @@ each with its covariance behind it. A covariance that begins with -1 says that t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -114,6 +115,18 @@ def encode(
     return [content[i : i + size] for i in range(0, len(content), size)]
 
 
+def _custom(other: Sequence[str]) -> str:
+    """What there is to say of topics that seem to hold an IMU in a message of somebody's own."""
+    own = [text for text in other if re.search(r"imu|ins|gyro|inertial", text.rsplit("(", 1)[-1], re.IGNORECASE)]
+    if not own:
+        return ""
+    return (
+        f" {' and '.join(own[:4])}: an IMU perhaps, in messages of the driver's own, which are not read. Record its "
+        f"{IMU_TYPES[0]} (often /imu or /imu/data); or write the topic as text, rostopic echo -b BAG -p "
+        f"{own[0].split(' ')[0]} > imu.csv, and declare its columns."
+    )
+
+
 def choose_topic(topics: dict[str, int], wanted: str | None, name: str, other: Sequence[str]) -> str:
     """The topic that is read: the one declared, or the only one of Imu messages.
 
@@ -141,7 +154,11 @@ def choose_topic(topics: dict[str, int], wanted: str | None, name: str, other: S
         )
     if not topics:
         there = ", ".join(other[:12]) + (f" and {len(other) - 12} more" if len(other) > 12 else "")
-        raise InputError(f"{name} has no topic of {IMU_TYPES[0]}; it holds {there or 'no topic'}.")
+        raise InputError(f"{name} has no topic of {IMU_TYPES[0]}; it holds {there or 'no topic'}.{_custom(other)}")
     if len(topics) > 1:
-        raise InputError(f"{name} has {len(topics)} topics of {IMU_TYPES[0]}: {listed}. Say which one: --topic NAME.")
+        first = next(iter(topics))
+        raise InputError(
+            f"{name} has {len(topics)} topics of {IMU_TYPES[0]}: {listed}. Say which one: --topic NAME, as in --topic "
+            f"{first}."
+        )
     return next(iter(topics))

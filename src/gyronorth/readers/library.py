@@ -35,6 +35,10 @@ def errors_translated(name: str, what: str, cure: str = "") -> Iterator[None]:
         yield
     except InputError:
         raise
+    except MemoryError:
+        raise InputError(
+            f"{name} asks for more memory than its size allows: it is damaged, or made to exhaust its reader."
+        ) from None
     except Exception as error:
         detail = " ".join(str(error).split())[:160] or type(error).__name__
         raise InputError(

@@ -2,8 +2,8 @@
 
 Written out here since `scipy.io.loadmat` brings the whole process down on some damaged files
 (a segmentation fault in its compiled part, scipy 1.17). Only real two-dimensional arrays of
-numbers are decoded; everything else is named and skipped. Sizes are checked against the
-file's before anything is allocated.
+numbers are decoded, alone or as fields of structs; everything else is named and skipped. Sizes are
+checked against the file's before anything is allocated.
 
 References
 ----------
@@ -17,7 +17,7 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,8 @@ _HEADER = 128
 _HEAD = 1024
 #: Deflate packs at most 1032 bytes into one (zlib's technical details).
 DEFLATE_RATIO = 1032
+#: Structs within structs, and fields of one; more is damage.
+_DEEPEST, _MOST_FIELDS = 8, 1000
 #: The format's own limit on one array, bytes.
 _LARGEST = 1 << 31
 
@@ -55,7 +57,7 @@ class Variable:
     numeric: bool  # real numbers
     element: memoryview  # its element, behind the tag; compressed or not
     compressed: bool
-    data: int  # where its numbers begin in the (inflated) element
+    data: int  # where its numbers or fields begin in the (inflated) element
 
 
 def is_level5(content: bytes) -> bool:
@@ -110,11 +112,7 @@ def matrix(content: bytes, variable: Variable) -> NDArray[np.float64]:
         raise MatError(f"{variable.name} claims {count} numbers, more than the file can hold")
     element = variable.element
     if variable.compressed:
-        tag = _inflated(element, 8)
-        size = struct.unpack_from(order + "I", tag, 4)[0]
-        if size > variable.data + 8 * count + 16:
-            raise MatError(f"{variable.name} claims {size} bytes for {count} numbers")
-        element = memoryview(_inflated(element, 8 + size, whole=True))[8:]
+        element = _whole(variable, order, most=variable.data + 8 * count + 16, what=f"{count} numbers")
     kind, data = next(_elements(element[variable.data :], order), (0, b""))
     if kind not in _TYPES:
         raise MatError(f"the numbers of {variable.name} are of type {kind}")
@@ -123,6 +121,79 @@ def matrix(content: bytes, variable: Variable) -> NDArray[np.float64]:
         raise MatError(f"{variable.name} holds {len(data)} bytes of numbers, {count * dtype.itemsize} are expected")
     with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
         return np.frombuffer(data, dtype).reshape(variable.shape, order="F").astype(float)
+
+
+def fields(content: bytes, variable: Variable, *, most: int, depth: int = 0) -> dict[str, Variable]:
+    """The arrays in a struct of one element by their paths, as in imu.gyro, those of structs in it too.
+
+    Parameters
+    ----------
+    content : bytes
+        The file.
+    variable : Variable
+        The struct.
+    most : int
+        Bytes that it may hold once inflated.
+    depth : int, optional
+        Structs around it.
+
+    Raises
+    ------
+    MatError
+        If it is damaged.
+    """
+    order = "<" if content[126:128] == b"IM" else ">"
+    if math.prod(variable.shape) != 1 or depth > _DEEPEST:
+        return {}
+    element = variable.element
+    if variable.compressed:
+        element = _whole(variable, order, most=min(most, DEFLATE_RATIO * len(content)), what="a struct")
+    (length_kind, length), (names_kind, names), *members = _split(element[variable.data :], order, _MOST_FIELDS + 2)
+    if (length_kind, names_kind) != (5, 1) or len(length) != 4:
+        raise MatError(f"the fields of {variable.name} are damaged")
+    size = struct.unpack(order + "i", length)[0]
+    if not 0 < size <= len(names) or len(names) // size != len(members):
+        raise MatError(f"{variable.name} has {len(members)} fields, not as many as it names")
+    found: dict[str, Variable] = {}
+    for i, (kind, member) in enumerate(members):
+        title = bytes(names[i * size : (i + 1) * size]).split(b"\x00")[0].decode("ascii", "replace")
+        if kind != _MATRIX:
+            raise MatError(f"field {title} of {variable.name} is no array")
+        if len(member) == 0:
+            continue  # an empty one may be written without a header
+        field = replace(
+            _described(bytes(member[:_HEAD]), member, order, compressed=False), name=f"{variable.name}.{title}"
+        )
+        found[field.name] = field
+        if field.kind == "struct":
+            found |= fields(content, field, most=most, depth=depth + 1)
+    return found
+
+
+def _whole(variable: Variable, order: str, *, most: int, what: str) -> memoryview:
+    """A compressed element behind its tag, inflated."""
+    size = struct.unpack_from(order + "I", _inflated(variable.element, 8), 4)[0]
+    if size > most:
+        raise MatError(f"{variable.name} claims {size} bytes for {what}")
+    return memoryview(_inflated(variable.element, 8 + size, whole=True))[8:]
+
+
+def _split(content: memoryview, order: str, most: int) -> list[tuple[int, memoryview]]:
+    """Type and data of all elements in a row, without copying them."""
+    parts: list[tuple[int, memoryview]] = []
+    place = 0
+    while place + 8 <= len(content) and len(parts) <= most:
+        kind, size = struct.unpack_from(order + "II", content, place)
+        start, step = place + 8, 8 + -(-size // 8) * 8
+        if kind >> 16:
+            kind, size, start, step = kind & 0xFFFF, kind >> 16, place + 4, 8
+        if start + size > len(content) or (step == 8 and size > 4 and start == place + 4):
+            raise MatError("a struct ends within one of its fields")
+        parts.append((kind, content[start : start + size]))
+        place += step
+    if len(parts) < 2:
+        raise MatError("a struct ends within its header")
+    return parts
 
 
 def _described(head: bytes, element: memoryview, order: str, *, compressed: bool) -> Variable:

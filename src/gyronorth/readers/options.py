@@ -3,22 +3,43 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
 from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ
 
 #: rad/s in one unit of angular rate.
-GYRO_UNITS = {"rad/s": 1.0, "deg/s": float(np.radians(1.0)), "deg/h": DEG_PER_HOUR}
+GYRO_UNITS = {
+    "rad/s": 1.0,
+    "deg/s": float(np.radians(1.0)),
+    "deg/h": DEG_PER_HOUR,
+    "mdeg/s": float(np.radians(1e-3)),
+    "mrad/s": 1e-3,
+    "arcsec/s": DEG_PER_HOUR,  # 3600 arcsec are a degree and 3600 s an hour
+}
 #: m/s^2 in one unit of specific force.
-ACCEL_UNITS = {"m/s2": 1.0, "g": STANDARD_GRAVITY}
+ACCEL_UNITS = {
+    "m/s2": 1.0,
+    "g": STANDARD_GRAVITY,
+    "mg": 1e-3 * STANDARD_GRAVITY,
+    "ug": 1e-6 * STANDARD_GRAVITY,
+    "cm/s2": 0.01,
+}
+#: Units proposed for numbers without one, the likeliest first; the others are rare, or the same by another name.
+GYRO_PROPOSED = ("rad/s", "deg/s", "deg/h", "mdeg/s")
+ACCEL_PROPOSED = ("m/s2", "g", "mg")
+#: s in one unit of time.
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+#: Which sensors hold increments.
+INCREMENTS = ("gyro", "accel", "both", "none")
 #: Names by which a column is known without a declaration; time in seconds has several.
 OUR_TITLES = {TIME: (TIME, "time", "Time", "TIME")} | {name: (name,) for name in (*RATES, *FORCES)}
 #: Columns that a message lists.
@@ -40,21 +61,48 @@ class ReadOptions:
     rate_hz: float | None = None  # sample rate, Hz; declares, never resamples
     axes: str | None = None  # frd, flu, rfu, ... or a signed permutation such as +y+x-z
     boresight: tuple[float, float, float] = (0.0, 0.0, 0.0)  # roll, pitch, yaw of the sensor in the vehicle, rad
-    gyro_unit: str | None = None  # deg/s, rad/s or deg/h
-    accel_unit: str | None = None  # m/s2 or g
-    increments: bool = False  # values are angle and velocity per sample: divide by the sample interval
+    gyro_unit: str | None = None  # of GYRO_UNITS
+    accel_unit: str | None = None  # of ACCEL_UNITS
+    gyro_scale: float | None = None  # gyro_unit in one count of the file
+    accel_scale: float | None = None  # accel_unit in one count of the file
+    #: angle and velocity per sample, not per second: True and "both", "gyro", "accel", "none"; None: as the file says
+    increments: bool | str | None = None
+    increment_interval: float | None = None  # s that an increment covers; by default the sample interval
+    time_unit: str | None = None  # of TIME_UNITS, of a column of times
     columns: Mapping[str, str | int] | None = None  # our name -> name or number (from 0) in the file, "-" to ignore it
     variable: str | None = None  # name of the array in a .mat file, of a dataset or group in HDF5
     topic: str | None = None  # name of the topic in a bag of ROS or an MCAP file
     latitude: float | None = None  # geodetic latitude, rad
     drop_bad_rows: bool = False  # leave out rows that cannot be used, and count them
     protocol: str | None = None  # of a capture of frames; by default it is recognised by its checksums
+    imu: str | None = None  # of NovAtel RAWIMU and RAWIMUS: the type of the IMU, as STIM300
+    accel_range_g: float | None = None  # of STIM datagrams: 5, 10, 30 or 80 g
     format: str | None = None  # name of the format; by default from suffix and content
     window: tuple[float, float] | None = None  # only [start, end) of the file, s from its first sample
+    preset: str | None = None  # name or file of a preset, which declares what is not declared here
+    accel_file: str | Path | None = None  # of the accelerometer, where the file holds the gyro alone
+    accel_topic: str | None = None  # of the accelerometer, in a bag of ROS or an MCAP file
+    needed: tuple[str, ...] = RATES  # columns without which it is no recording; FORCES for an accelerometer's file
 
     def __post_init__(self) -> None:
         _among("gyro_unit", self.gyro_unit, GYRO_UNITS)
         _among("accel_unit", self.accel_unit, ACCEL_UNITS)
+        _among("time_unit", self.time_unit, TIME_UNITS)
+        if not isinstance(self.increments, bool):
+            _among("increments", self.increments, INCREMENTS)
+        if self.increments == "none":
+            object.__setattr__(self, "increments", False)
+        for name, value in (
+            ("gyro_scale", self.gyro_scale),
+            ("accel_scale", self.accel_scale),
+            ("increment_interval", self.increment_interval),
+        ):
+            if value is not None and not 0 < abs(value) < np.inf:
+                raise InputError(f"{name} is {value:g}; a number other than 0 is expected.")
+        if self.increment_interval is not None and not (self.increments and self.increment_interval > 0):
+            raise InputError(
+                f"increment_interval is {self.increment_interval:g} s; it goes with --increments, and is positive."
+            )
         if self.axes is not None:
             mat_bf(self.axes)
         if self.rate_hz is not None and not SLOWEST_RATE_HZ <= self.rate_hz <= FASTEST_RATE_HZ:
@@ -72,6 +120,12 @@ class ReadOptions:
         for name in self.columns or {}:
             if name not in NAMES:
                 raise InputError(f"columns names {name!r}; the columns of a recording are {', '.join(NAMES)}.")
+
+
+def increments_of(increments: bool | str | None) -> frozenset[str]:
+    """The sensors that hold increments: of "gyro" and "accel"."""
+    both = frozenset(("gyro", "accel"))
+    return both if increments in (True, "both") else frozenset((str(increments),)) if increments else frozenset()
 
 
 def parse_columns(text: str) -> dict[str, str]:
@@ -94,7 +148,12 @@ def parse_columns(text: str) -> dict[str, str]:
 
 
 def choose_columns(
-    header: list[str] | int, columns: Mapping[str, str | int] | None, aliases: Mapping[str, tuple[str, ...]], name: str
+    header: list[str] | int,
+    columns: Mapping[str, str | int] | None,
+    aliases: Mapping[str, tuple[str, ...]],
+    name: str,
+    *,
+    needed: tuple[str, ...] = RATES,
 ) -> dict[str, int]:
     """Positions of our columns in a file.
 
@@ -108,11 +167,13 @@ def choose_columns(
         Our name -> names that the format uses for it, in order of preference.
     name : str
         File name, for messages.
+    needed : tuple of str, optional
+        Columns without which it is no recording.
 
     Returns
     -------
     dict
-        Our name -> position from 0. Three rates always; three forces or none; t or not.
+        Our name -> position from 0. Three rates and three forces, or none of those that are not `needed`; t or not.
     """
     titles = header if isinstance(header, list) else []
     width = len(header) if isinstance(header, list) else header
@@ -135,9 +196,9 @@ def choose_columns(
             if alias in titles:
                 found[ours] = titles.index(alias)
                 break
-    for triple, need in ((RATES, True), (FORCES, False)):
+    for triple in (RATES, FORCES):
         missing = [ours for ours in triple if ours not in found]
-        if missing and (need or len(missing) < 3):
+        if missing and (triple == needed or len(missing) < 3):
             has = f"its columns are {_listed(titles)}" if titles else f"it has {width} columns without names"
             raise InputError(
                 f"{name} has no column {', '.join(missing)}: {has}. Say which ones hold them, as in "
@@ -154,7 +215,8 @@ def _position(ours: str, wanted: str | int, titles: list[str], width: int, name:
     if isinstance(wanted, str) and wanted in titles:
         if titles.count(wanted) > 1:
             raise InputError(
-                f"The header of {name} has {titles.count(wanted)} columns {wanted}; give a number instead."
+                f"The header of {name} has {titles.count(wanted)} columns {wanted}; which one is meant? Give "
+                "its number."
             )
         return titles.index(wanted)
     if re.fullmatch(r"[0-9]{1,6}", str(wanted)) and int(wanted) < width:
@@ -169,6 +231,6 @@ def _listed(titles: list[str]) -> str:
     return ", ".join(shown) + (f" and {len(titles) - LISTED} more" if len(titles) > LISTED else "")
 
 
-def _among(name: str, value: str | None, choices: Mapping[str, float]) -> None:
+def _among(name: str, value: str | None, choices: Iterable[str]) -> None:
     if value is not None and value not in choices:
-        raise InputError(f"{name} is {value!r}; one of {', '.join(choices)} is expected.")
+        raise InputError(f"{name} is {value!r}; one of {', '.join(choices)} is expected.{did_you_mean(value, choices)}")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.axes import in_axes, mat_bf
 from gyronorth.readers.facts import write_facts
 from gyronorth.readers.source import Facts
 from gyronorth.recording import Gap, Recording
@@ -19,7 +20,7 @@ BLOCK_ROWS = 1 << 14
 
 @dataclass(frozen=True)
 class Rows:
-    """Consecutive samples, SI and body axes."""
+    """Consecutive samples, SI and body axes; those of the source where they are assumed."""
 
     first: int  # number of the first one in the recording
     gyro_b: NDArray[np.float64]  # (m, 3)
@@ -51,6 +52,8 @@ class RecordingStream:
         self.rate_hz = float(self._first.rate_hz)
         self.has_accel = self._first.accel_b is not None
         self.start_time_utc = self._first.start_time_utc
+        #: Axes of the rows where nobody said so: they stay in those of the source, and are written as assumed.
+        self.axes_assumed = self._first.axes if self._first.axes_origin == "assumed" else None
 
     def rows(self) -> Iterator[Rows]:
         """The samples, once."""
@@ -58,8 +61,11 @@ class RecordingStream:
         while chunk is not None:
             for start in range(0, len(chunk.gyro_b), BLOCK_ROWS):
                 part = slice(start, start + BLOCK_ROWS)
-                accel = None if chunk.accel_b is None else chunk.accel_b[part]
-                yield Rows(self._samples + start, chunk.gyro_b[part], accel)
+                gyro, accel = chunk.gyro_b[part], None if chunk.accel_b is None else chunk.accel_b[part]
+                if self.axes_assumed is not None:
+                    mat_fb = mat_bf(self.axes_assumed).T
+                    gyro, accel = in_axes(gyro, mat_fb), None if accel is None else in_axes(accel, mat_fb)
+                yield Rows(self._samples + start, gyro, accel)
             self._gaps += [Gap(gap.start + self._samples / self.rate_hz, gap.samples) for gap in chunk.gaps]
             self._dropped += chunk.rows_dropped
             self._samples += len(chunk.gyro_b)
@@ -73,7 +79,8 @@ class RecordingStream:
             rate_hz=self.rate_hz,
             gyro_unit="rad/s",
             accel_unit="m/s2" if self.has_accel else None,
-            axes="frd",
+            axes="frd" if self.axes_assumed is None else None,
+            axes_assumed=self.axes_assumed,
             latitude=first.latitude,
             heading_true=first.heading_true,
             session=first.session,

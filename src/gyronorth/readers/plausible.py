@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
-from gyronorth.readers.axes import convention, mat_bf
+from gyronorth.readers.axes import about_vertical, convention, mat_bf
 from gyronorth.readers.declared import Declared
-from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
+from gyronorth.readers.evidence import KEPT_ONE_OF, NEAR_GRAVITY, norm_of_parts
+from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 from gyronorth.recording import Note
 
 #: A mean rate within this fraction of Earth rate tells that a unit is right.
@@ -37,6 +38,10 @@ FORCE_LOW, FORCE_HIGH = 0.7, 1.4
 PROPOSED_FORCE_LOW, PROPOSED_FORCE_HIGH = 0.9, 1.1
 #: Share of gravity along body down below which the axes are suspect: a tilt of 60 deg.
 SUSPECT_DOWN_SHARE = 0.5
+#: Mean rates of parts that differ by more than so many standard deviations of a single sample are motion.
+MOVING = 5.0
+#: Parts in a row without motion that are worth a window.
+STILL_PARTS = 3
 #: Parts into which a recording is cut; the median of their means ignores a drive or a turn in some of them.
 PARTS = 21
 
@@ -55,17 +60,22 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
         If the declared unit is implausible; it names the one that is not.
     """
     gyro, gyro_error = _robust_mean(samples[:, :3])
+    moves = _moves(samples[:, :3], rate_hz)
     force = vertical = None
     if samples.shape[1] == 6:
         force, _ = _robust_mean(samples[:, 3:])
-        _check_force(float(np.linalg.norm(force)), declared, rate_hz=rate_hz, name=name)
+        _check_force(norm_of_parts(samples[:, 3:]), declared, rate_hz=rate_hz, name=name)
         vertical = float(gyro @ force / np.linalg.norm(force))
     norm, noise = float(np.linalg.norm(gyro)) / EARTH_RATE, _white_noise(samples[:, :3], rate_hz)
     uncertain = float(np.linalg.norm(gyro_error)) / EARTH_RATE
     implausible = norm > IMPLAUSIBLE_HIGH or noise > IMPLAUSIBLE_ARW or (norm + 3 * uncertain < IMPLAUSIBLE_LOW)
+    if moves is not None:
+        if implausible:
+            raise InputError(_moving(samples[:, :3], moves, declared, rate_hz=rate_hz, name=name))
+        return  # the mean of a unit that moves shows no unit
     likely, possible = [], []
-    for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.increments, rate_hz):
-        if force is not None and increments != declared.increments:
+    for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.gyro_increments, rate_hz):
+        if force is not None and increments != declared.gyro_increments:
             continue  # gravity has told already whether these are increments
         certain = uncertain * factor < NEAR_EARTH_RATE
         near = abs(norm * factor - 1) < NEAR_EARTH_RATE and certain
@@ -81,24 +91,84 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
     if proposed:
         raise InputError(
             f"{name}: the mean angular rate is {norm * EARTH_RATE / DEG_PER_HOUR:.4g} deg/h and its angle random walk "
-            f"{noise / DEG_PER_SQRT_HOUR:.2g} deg/sqrt(h) if {_words('gyro', declared.gyro_unit, declared.increments)} "
-            f"is right; a gyro at rest shows Earth rate, 15.04 deg/h, and its bias. {' or '.join(proposed)} fits. "
+            f"{noise / DEG_PER_SQRT_HOUR:.2g} deg/sqrt(h) if "
+            f"{_words('gyro', declared.gyro_unit, declared.gyro_increments)} is right; a gyro at rest shows "
+            f"Earth rate, 15.04 deg/h, and its bias. {' or '.join(proposed)} fits. "
             "(If the declaration is right, the bias hides Earth rate and no heading can be had.)"
         )
 
 
-def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -> tuple[Note, ...]:
-    """Which axis gravity lies along, against the axes: no note, or one `axes_suspect`.
+def check_flags(flagged: NDArray[np.int64], samples: int, *, name: str) -> tuple[Note, ...]:
+    """What the unit itself says of its samples; each is a reason.
 
-    `samples`, shape (n, 6), are in file axes. A sensor that lies upside down looks the same
+    `flagged` (2,) counts the samples, as `FLAGS`.
+    """
+    ranged, faulty = (int(count) for count in flagged)
+    notes: list[Note] = []
+    if ranged:
+        message = (
+            f"{name} marks {ranged} of {samples} samples as at the end of the range: a clipped signal has another "
+            "mean. Take a larger range, or leave the shock out (--window)."
+        )
+        notes.append(Note("saturated", message, float(ranged), 0.0))
+    if faulty:
+        message = (
+            f"{name} marks {faulty} of {samples} samples as not to be trusted: the unit is starting up, or reports an "
+            "error. Leave that part out (--window; live: Start), and see the unit's manual if it stays."
+        )
+        notes.append(Note("sensor_fault", message, float(faulty), 0.0))
+    return tuple(notes)
+
+
+def _moves(gyro: NDArray[np.float64], rate_hz: float) -> float | None:
+    """By how much the mean rates of parts differ, in the unit of `gyro`, if far more than any noise lets them."""
+    parts = min(PARTS, len(gyro))
+    means = gyro[: parts * (len(gyro) // parts)].reshape(parts, -1, 3).mean(axis=1)
+    spread = float(np.ptp(means, axis=0).max())
+    scatter = _white_noise(gyro, rate_hz) * np.sqrt(rate_hz)
+    return spread if parts == PARTS and scatter > 0 and spread > MOVING * scatter else None
+
+
+def _moving(gyro: NDArray[np.float64], spread: float, declared: Declared, *, rate_hz: float, name: str) -> str:
+    """What to do about a unit that moves; the window named is one whose rates have been looked at."""
+    size = len(gyro) // PARTS
+    means = gyro[: PARTS * size].reshape(PARTS, size, 3)
+    halves = np.array([means[:, : size // 2].mean(axis=1), means[:, size // 2 :].mean(axis=1)])
+    scatter = _white_noise(gyro, rate_hz) * np.sqrt(rate_hz)
+    still = (np.abs(halves[0] - halves[1]).max(axis=1) < 8 * scatter / np.sqrt(size / 2)) & (
+        np.linalg.norm(halves.mean(axis=0), axis=1) < IMPLAUSIBLE_HIGH * EARTH_RATE
+    )
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]])))
+    begins, ends = edges[::2], edges[1::2]
+    if len(begins) and (ends - begins).max() >= STILL_PARTS:
+        longest = int(np.argmax(ends - begins))
+        first, last = begins[longest] * size / rate_hz, ends[longest] * size / rate_hz
+        cure = f"Take a still part: from {first:.4g} to {last:.4g} s of what was read it stands (--window START:END)."
+    else:
+        cure = "No part of what was read stands still: take a still part of another place (--window START:END), or "
+        cure += "record the unit at rest."
+    return (
+        f"{name}: the unit moves: its mean rate differs by {np.degrees(spread):.4g} deg/s between parts if "
+        f"{_words('gyro', declared.gyro_unit, declared.gyro_increments)} is right. {cure}"
+    )
+
+
+def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -> tuple[Note, ...]:
+    """Which axis gravity lies along, against the axes: no note, one `axes_suspect`, or one `axes_assumed`.
+
+    `samples`, shape (n, 3) or (n, 6), are in file axes. A sensor that lies upside down looks the same
     as one with z up, and the heading of its x axis comes out the same; but right-forward-up
     taken for forward-right-down would be a right angle off. So the note is blocking where
     nobody declared the axes.
     """
+    if samples.shape[1] != 6:
+        return _assumed(declared, name)
     force_file, _ = _robust_mean(samples[:, 3:])
+    if np.linalg.norm(force_file) < 0.5 * norm_of_parts(samples[:, 3:]):
+        return _assumed(declared, name)  # it was turned over: no axis is the vertical one
     down = -float((mat_bf(declared.axes) @ force_file)[2] / np.linalg.norm(force_file))
     if down >= SUSPECT_DOWN_SHARE:
-        return ()
+        return _assumed(declared, name)
     vertical = int(np.argmax(np.abs(force_file)))
     message = (
         f"The mean specific force of {name} is ({', '.join(f'{value:+.2f}' for value in force_file)}) m/s^2 in file "
@@ -113,6 +183,18 @@ def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -
             "way round. (If the file holds gravity instead of specific force, leave its f columns out.)"
         )
     return (Note("axes_suspect", message, value=down, limit=SUSPECT_DOWN_SHARE, blocking=not declared.axes_declared),)
+
+
+def _assumed(declared: Declared, name: str) -> tuple[Note, ...]:
+    """The warning that nobody says where the axes point; none where the format defines it."""
+    if declared.axes_origin != "assumed":
+        return ()
+    message = (
+        f"Nobody says where the axes of {name} point: {declared.axes} is assumed. Gravity cannot tell which way "
+        "forward is, so the heading may be off by 90, 180 or 270 deg. Declare it: --axes "
+        f"{' or '.join(letters for letters, _ in about_vertical(declared.axes))}, or {declared.axes} if that is right."
+    )
+    return (Note("axes_assumed", message),)
 
 
 def _vertical_conventions(force_file: NDArray[np.float64]) -> str:
@@ -143,19 +225,38 @@ def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) 
         return
     proposed = [
         _words("accel", unit, increments, declared)
-        for unit, increments, factor in _others(ACCEL_UNITS, declared.accel_unit, declared.increments, rate_hz)
+        for unit, increments, factor in _others(ACCEL_UNITS, declared.accel_unit, declared.accel_increments, rate_hz)
         if PROPOSED_FORCE_LOW <= share * factor <= PROPOSED_FORCE_HIGH
     ]
+    parts = [number for number in KEPT_ONE_OF if abs(share * number - 1) < NEAR_GRAVITY]
+    if not proposed and parts:
+        interval = 1 / (parts[0] * rate_hz) if declared.increment_interval is None else None
+        cure = f"That is gravity over {parts[0]}"
+        if declared.increments and interval is not None:
+            cure += (
+                f": each increment covers {1e3 * interval:.4g} ms, but one is logged every {1e3 / rate_hz:.4g} ms. "
+                f"--increment-interval {interval:.6g} fits."
+            )
+        else:
+            cure += (
+                f": increments of a sensor {parts[0]} times as fast, or a driver with the wrong rate, are likely. "
+                f"--accel-scale {parts[0]} makes it gravity; the rates are probably wrong by as much (--gyro-scale)."
+            )
+        raise InputError(_weighs(size, declared, name) + cure)
     cure = (
         f"{' or '.join(proposed)} fits."
         if proposed
         else "No other unit fits: has gravity been taken out, or is the accelerometer off? Without it, leave the f "
         "columns out (--columns f_x=-,f_y=-,f_z=-) and give --roll and --pitch."
     )
-    raise InputError(
+    raise InputError(_weighs(size, declared, name) + cure)
+
+
+def _weighs(size: float, declared: Declared, name: str) -> str:
+    return (
         f"{name}: the mean specific force is {size:.4g} m/s^2 if "
-        f"{_words('accel', declared.accel_unit, declared.increments)} is right; at rest it is gravity, "
-        f"{STANDARD_GRAVITY:.2f} m/s^2 ({FORCE_LOW:g} to {FORCE_HIGH:g} times that is accepted). {cure}"
+        f"{_words('accel', declared.accel_unit, declared.accel_increments)} is right; at rest it is gravity, "
+        f"{STANDARD_GRAVITY:.2f} m/s^2 ({FORCE_LOW:g} to {FORCE_HIGH:g} times that is accepted). "
     )
 
 
@@ -163,7 +264,8 @@ def _others(units: dict[str, float], unit: str, increments: bool, rate_hz: float
     """Other readings of the same numbers: unit, whether increments, and the factor on the values."""
     for other_increments in (increments, not increments):
         per_second = {(False, False): 1.0, (True, True): 1.0, (False, True): rate_hz, (True, False): 1 / rate_hz}
-        for other, scale in units.items():
+        for other in (unit for unit in (*GYRO_PROPOSED, *ACCEL_PROPOSED) if unit in units):
+            scale = units[other]
             if (other, other_increments) != (unit, increments):
                 yield other, other_increments, scale / units[unit] * per_second[increments, other_increments]
 
@@ -175,7 +277,7 @@ def _words(sensor: str, unit: str, increments: bool, declared: Declared | None =
         return f"{words} --increments" if increments else words
     if unit == (declared.gyro_unit if sensor == "gyro" else declared.accel_unit):
         words = ""
-    if increments != declared.increments:
+    if increments != (declared.gyro_increments if sensor == "gyro" else declared.accel_increments):
         words += " --increments" if increments else " without --increments"
     return words.strip()
 

@@ -14,6 +14,7 @@ from gyronorth.readers.grid import GridBuilder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.reading import Reading, RecordingInfo, options_of
 from gyronorth.readers.source import TIME, Block, Source
+from gyronorth.readers.spool import is_stream
 from gyronorth.recording import Gap, Note
 
 #: Places that are read, and how many different ones there must be.
@@ -40,13 +41,15 @@ class Probe:
 
 
 def probe(path: str | Path, options: ReadOptions | None = None, **declared: Any) -> Probe | None:
-    """Look into a long file; None for a short one, for a window, and for a format that can only be read as a whole.
+    """Look into a long file; None for a short one, a window, a pipe, and a format that can only be read as a whole.
 
     Raises
     ------
     InputError
         As for `read`, about what was read.
     """
+    if is_stream(Path(path)):
+        return None
     reading = Reading(path, options_of(options, declared), None)
     source, parts, stated = reading.source, reading.source.parts, reading.source.stated
     if parts is None or reading.options.window or parts.rows <= WHOLE * PLACES * parts.block:
@@ -66,7 +69,7 @@ def probe(path: str | Path, options: ReadOptions | None = None, **declared: Any)
         if gyro:  # the first block settles the rate, against which the others are checked
             settled = replace(reading.declared, rate_hz=reading.rate_hz)
             reading.regulariser = GridBuilder(source, settled, reading.options)
-        samples = reading.regulariser.push(block)
+        samples = np.concatenate([reading.regulariser.push(block), reading.regulariser.flush()])
         reading.regulariser.raise_bad()
         if reading.regulariser.rows_dropped:  # to be counted
             return None

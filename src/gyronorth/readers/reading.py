@@ -15,10 +15,11 @@ from gyronorth.readers.axes import in_axes
 from gyronorth.readers.declared import Declared, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.plausible import check_axes, check_units
+from gyronorth.readers.plausible import check_axes, check_flags, check_units
+from gyronorth.readers.presets import load
 from gyronorth.readers.registry import open_source
 from gyronorth.readers.source import Source
-from gyronorth.recording import Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
+from gyronorth.recording import AxesOrigin, Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Called with the share of the file that is read, as the reading goes on.
 Progress = Callable[[float], None]
@@ -39,12 +40,14 @@ class RecordingInfo:
     accel_unit: str | None  # in the file; None without an accelerometer
     axes: str  # in the file, three letters
     axes_declared: bool  # by the user or in the file, not by the format's convention
+    axes_origin: AxesOrigin
     increments: bool  # whether the file holds increments
     latitude: float | None  # rad
     heading_true: float | None  # rad
     session: str | None
     start_time_utc: str | None
     notes: tuple[Note, ...] = field(default=())  # remarks on the axes, from the first chunk
+    read_as: str = ""  # what each column was taken for, for people
 
 
 def read(
@@ -76,10 +79,9 @@ def read(
         If the file is damaged, or what it holds cannot be or is not known.
     """
     reading = Reading(path, options_of(options, declared), progress)
-    pieces = [samples for samples in reading.samples() if len(samples)]
+    samples = _joined(reading.samples())
     regulariser = reading.regulariser
     regulariser.finish()
-    samples = np.concatenate(pieces)
     notes = reading.check(samples)
     return reading.recording(
         samples, first=0, gaps=tuple(regulariser.gaps), rows_dropped=regulariser.rows_dropped, notes=notes
@@ -117,9 +119,13 @@ def read_chunks(
         shares of missing and of dropped rows at the end. Units and axes are judged from
         the first chunk alone.
     """
+    return chunks_of(Reading(path, options_of(options, declared), progress), chunk_samples)
+
+
+def chunks_of(reading: Reading, chunk_samples: int) -> tuple[RecordingInfo, Iterator[Recording]]:
+    """What `read_chunks` returns of a reading that has not begun."""
     if chunk_samples < 1:
         raise InputError(f"chunk_samples is {chunk_samples}; at least 1 is expected.")
-    reading = Reading(path, options_of(options, declared), progress)
     stream = _rechunked(reading, chunk_samples)
     first = next(stream)
     notes = reading.check(first)
@@ -130,10 +136,12 @@ class Reading:
     """One pass through a file."""
 
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
+        if options.preset is not None:
+            options = load(options.preset).onto(options)
         self.options = options
         self.progress = progress
         self.source: Source = open_source(path, options)
-        self.declared: Declared = resolve(self.source, options)
+        self.declared: Declared = resolve(self.source, options, path)
         self.regulariser = GridBuilder(self.source, self.declared, options)
         self.length_notes: tuple[Note, ...] = ()
 
@@ -158,6 +166,7 @@ class Reading:
                 yield self.regulariser.push(block)
                 if self.regulariser.done:
                     break
+            yield self.regulariser.flush()
         except OSError as error:
             raise InputError(f"{self.source.name} cannot be read: {error}.") from None
         self._check_length()
@@ -180,7 +189,7 @@ class Reading:
         """Units and axes against Earth rate and gravity."""
         if not (self.source.ours and self.source.stated.gyro_unit == "rad/s"):
             check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
-        return check_axes(samples, self.declared, name=self.source.name) if samples.shape[1] == 6 else ()
+        return check_axes(samples, self.declared, name=self.source.name)
 
     def info(self, notes: tuple[Note, ...]) -> RecordingInfo:
         """What is known once the first samples have passed, with the remarks of `check` on these."""
@@ -195,12 +204,14 @@ class Reading:
             accel_unit=resolved.accel_unit or None,
             axes=resolved.axes,
             axes_declared=resolved.axes_declared,
+            axes_origin=resolved.axes_origin,
             increments=resolved.increments,
             latitude=resolved.latitude,
             heading_true=resolved.heading_true,
             session=stated.session,
             start_time_utc=self.start_time(0),
             notes=notes,
+            read_as=source.read_as,
         )
 
     def start_time(self, first: int) -> str | None:
@@ -235,16 +246,19 @@ class Reading:
             session=stated.session,
             start_time_utc=self.start_time(first),
             source=self.source.name,
+            read_as=self.source.read_as,
             rows_dropped=rows_dropped,
             gaps=gaps,
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),
+            axes="frd" if any(self.options.boresight) else self.declared.axes,
+            axes_origin=self.declared.axes_origin,
         )
 
     def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
         """Rate and specific force (n, 3) of samples in file axes; None without an accelerometer."""
         parts = [samples[:, :3], *([samples[:, 3:]] if samples.shape[1] == 6 else [])]
         mat = self.declared.mat_vf
-        gyro, *accel = (np.ascontiguousarray(part if mat is None else in_axes(part, mat)) for part in parts)
+        gyro, *accel = (part if mat is None else in_axes(part, mat) for part in parts)
         return gyro, accel[0] if accel else None
 
     def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
@@ -253,13 +267,35 @@ class Reading:
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
+        notes += check_flags(self.regulariser.flagged, self.regulariser.samples, name=self.source.name)
+        counts = self.regulariser.counts
         if self.regulariser.jitter > JITTER:
             message = (
                 f"The time stamps of {self.source.name} scatter by {self.regulariser.jitter:.2f} sample intervals "
                 "about an even grid; the samples are taken as evenly spaced."
             )
             notes += (Note("time_jitter", message, value=self.regulariser.jitter, limit=JITTER),)
+        if counts.wraps:
+            message = (
+                f"The clock of {self.source.name} starts again from 0 as {' and as '.join(counts.wraps)}; the samples "
+                "are taken to go on without a break."
+            )
+            notes += (Note("time_wraps", message, value=float(len(counts.wraps))),)
         return notes
+
+
+def _joined(pieces: Iterator[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The pieces (m, k) as one array, without holding both: what they fill grows where it lies."""
+    joined, count = np.empty((0, 3)), 0
+    for piece in pieces:
+        if joined.shape[1] != piece.shape[1]:
+            joined = np.empty((0, piece.shape[1]))
+        if count + len(piece) > len(joined):
+            joined.resize((max(count + len(piece), len(joined) + len(joined) // 8), piece.shape[1]), refcheck=False)
+        joined[count : count + len(piece)] = piece
+        count += len(piece)
+    joined.resize((count, joined.shape[1]), refcheck=False)
+    return joined
 
 
 def options_of(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOptions:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -10,11 +12,17 @@ from pathlib import Path
 from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError
+from gyronorth.readers.archive import MAGIC as ZIP
+from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, split_path, unzipped
+from gyronorth.readers.budget import counted, open_apart, size_of
 from gyronorth.readers.format import LOOK, Format
+from gyronorth.readers.formats.npy import pickled
 from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
+from gyronorth.readers.joining import joined
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.source import Source
+from gyronorth.readers.source import FORCES, TIME, Source
+from gyronorth.readers.spool import Spooled, is_stream, packed_as, piped, unpacked
 
 #: Entry points of installed packages that name a format of their own.
 ENTRY_POINTS = "gyronorth.formats"
@@ -84,8 +92,10 @@ def writer_of(suffix: str) -> Callable[[RecordingStream, Path], None] | None:
     return None if name is None else FORMATS[name].write
 
 
-#: How packed files begin, and what unpacks them.
-PACKED = {b"\x1f\x8b": "gunzip", b"\x28\xb5\x2f\xfd": "zstd -d", b"\xfd7zXZ\x00": "unxz", b"BZh": "bunzip2"}
+#: Suffixes of pickled objects of Python, and the protocols in their second byte.
+PICKLES, PICKLE_PROTOCOLS = (".pkl", ".pickle", ".joblib"), (b"\x02", b"\x03", b"\x04", b"\x05")
+#: Packed files within packed files.
+DEEPEST = 3
 
 
 def open_source(path: str | Path, options: ReadOptions) -> Source:
@@ -98,27 +108,7 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
     """
     path = Path(path)
     try:
-        if path.is_dir() and not is_bag_folder(path):
-            raise InputError(f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}).")
-        if path.is_file() and path.stat().st_size == 0:
-            raise InputError(f"{path.name} is empty.")
-        if path.is_file():
-            _check_unpacked(path)
-        by_suffix = FORMATS.suffixes.get(path.suffix.lower())
-        declared = options.format or ("frames" if options.protocol is not None else None)
-        name = "rosbag2" if path.is_dir() else declared or by_suffix or recognised(path)
-        if name not in FORMATS:
-            raise InputError(f"format is {name!r}; one of {', '.join(FORMATS)} is expected.")
-        info = FORMATS.info(name)
-        if options.variable is not None and not info.takes_variable:
-            raise InputError(
-                f"variable {options.variable!r} is declared, but {path.name} is neither a .mat nor an HDF5 file."
-            )
-        if options.topic is not None and not info.takes_topic:
-            raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
-        if options.columns and not info.takes_columns:
-            raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
-        return FORMATS[name].open(path, options)
+        return _opened(path, options) if options.accel_file is None else _of_two(path, options)
     except FileNotFoundError:
         raise InputError(f"There is no file {path}.") from None
     except (OSError, ValueError) as error:
@@ -127,18 +117,107 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
         raise InputError(f"{path} cannot be read: {error}.") from None
 
 
-def _check_unpacked(path: Path) -> None:
-    head = _head(path)
-    tool = next((PACKED[lead] for lead in PACKED if head.startswith(lead)), None)
-    if tool is not None:
-        bag = ", or give the folder of the bag, which is read as it is" if ".db3" in path.name else ""
-        raise InputError(f"{path.name} is packed. Unpack it first: {tool} {path.name}{bag}.")
+def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
+    if depth > DEEPEST:
+        raise InputError(f"{path.name} is packed within packed files; unpack it first.")
+    if is_stream(path):
+        spooled = piped(path)
+        return _held(spooled, spooled.path.name, options, depth)
+    inside = None if path.exists() else split_path(path)
+    if inside is not None:
+        archive, member = inside
+        if not _head(archive).startswith(ZIP):
+            raise InputError(f"There is no file {path}: {archive} is a file and no zip archive.")
+        return _unzipped(archive, member, options, depth)
+    if path.is_dir() and not is_bag_folder(path):
+        raise InputError(f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}).")
+    if path.is_file() and path.stat().st_size == 0:
+        raise InputError(f"{path.name} is empty.")
+    if path.is_file():
+        head = _head(path)
+        if (suffix := packed_as(head)) is not None:
+            return _held(unpacked(path, suffix), path.name, options, depth)
+        if head.startswith(ZIP) and _is_archive(path, options):
+            return _unzipped(path, None, options, depth)
+        if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
+            raise InputError(pickled(path.name))
+    return _by_format(path, options)
+
+
+def _of_two(path: Path, options: ReadOptions) -> Source:
+    """A gyroscope's file joined with an accelerometer's."""
+    columns = dict(options.columns or {})
+    rates = {name: column for name, column in columns.items() if name not in FORCES}
+    forces = {name: column for name, column in columns.items() if name in FORCES}
+    if str(columns.get(TIME, "")) == "-" or str(columns.get(TIME, "")).isdigit():
+        forces[TIME] = columns[TIME]
+    gyro = _opened(path, replace(options, accel_file=None, columns=rates or None))
+    accel_file = Path(options.accel_file or "")
+    if not accel_file.exists() and split_path(accel_file) is None:
+        raise InputError(f"There is no file {accel_file}.")
+    accel = _opened(
+        accel_file,
+        replace(
+            options, accel_file=None, columns=forces or None, needed=FORCES, variable=None, topic=None, format=None
+        ),
+    )
+    return joined(gyro, accel, drop_bad_rows=options.drop_bad_rows)
+
+
+def _by_format(path: Path, options: ReadOptions) -> Source:
+    by_suffix = FORMATS.suffixes.get(path.suffix.lower())
+    declared = options.format or ("frames" if options.protocol is not None else None)
+    name = "rosbag2" if path.is_dir() else declared or by_suffix or recognised(path)
+    if name not in FORMATS:
+        raise InputError(f"format is {name!r}; one of {', '.join(FORMATS)} is expected.")
+    info = FORMATS.info(name)
+    if options.variable is not None and not info.takes_variable:
+        raise InputError(
+            f"variable {options.variable!r} is declared, but {path.name} is neither a .mat, .npz, .xlsx nor HDF5 file."
+        )
+    if options.topic is not None and not info.takes_topic:
+        raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
+    if options.columns and not info.takes_columns:
+        raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
+    return _read(FORMATS[name], path, options)
+
+
+def _read(chosen: Format, path: Path, options: ReadOptions) -> Source:
+    """A recording within its budget, decoded in a process of its own where foreign code does it."""
+    size = size_of(path) if path.exists() else 0
+    if not chosen.foreign:
+        return counted(chosen.open(path, options), size)
+    with suppress(ImportError):  # the reader says what is missing
+        for module in chosen.foreign:  # once, not in each child
+            import_module(module)
+    return counted(open_apart(lambda: chosen.open(path, options), name=path.name, size=size), size)
+
+
+def _held(spooled: Spooled, name: str, options: ReadOptions, depth: int) -> Source:
+    """The recording in a file that was made to be read once."""
+    source = _opened(spooled.path, options, depth + 1)
+    return replace(source, name=name, held=(spooled, source.held))
+
+
+def _is_archive(path: Path, options: ReadOptions) -> bool:
+    """Whether a file that begins as a zip archive is one of files, and no format of its own."""
+    if options.format not in (None, "csv") or path.suffix.lower() in FORMATS.suffixes:
+        return False
+    return not (is_npz(path) or is_workbook(path))
+
+
+def _unzipped(path: Path, member: str | None, options: ReadOptions, depth: int) -> Source:
+    spooled, accel = unzipped(path, member)
+    if accel is not None:
+        source = _of_two(spooled.path, replace(options, accel_file=accel))
+        return replace(source, name=path.name, held=(spooled, source.held))
+    return _held(spooled, path.name if member is None else f"{path.name}/{member}", options, depth)
 
 
 def recordings_in(folder: str | Path) -> list[Path]:
     """The recordings in a folder and the folders below it, by name.
 
-    Everything with a known suffix counts, each .txt that is an export of MT Manager, and each
+    Everything with a known suffix counts, packed or not, each .txt that is an export of MT Manager, and each
     folder that is a bag of ROS 2, as one; hidden files and folders do not.
 
     Raises
@@ -158,7 +237,7 @@ def recordings_in(folder: str | Path) -> list[Path]:
             found.append(path)
         if not path.is_file():
             continue
-        known = path.suffix.lower() in FORMATS.suffixes
+        known = inner_suffix(path) in FORMATS.suffixes
         if known or (path.suffix.lower() == ".txt" and _head(path).startswith(b"//")):
             found.append(path)
     if not found:
@@ -168,10 +247,10 @@ def recordings_in(folder: str | Path) -> list[Path]:
             "in it or in the folders below it (hidden ones do not count). Check the path, or `gyronorth convert` yours "
             "first."
         )
-    return sorted(found, key=_natural)
+    return sorted(found, key=natural_order)
 
 
-def _natural(path: Path) -> tuple[object, ...]:
+def natural_order(path: Path) -> tuple[object, ...]:
     """x_8.0.csv before x_15.0.csv: runs of digits count as numbers."""
     import re
 
@@ -182,7 +261,7 @@ def recognised(path: Path) -> str:
     """The format that the content of a file shows; CSV if it shows none."""
     head = _head(path, LOOK)
     # Files with a signature of their own come first: a text may hold any word, and frames any bytes.
-    last = ("psins", "mt-manager", "frames")
+    last = ("psins", "mt-manager", "doubles", "frames")
     signed = (name for name in FORMATS if name not in last)
     return next((name for name in (*signed, *last) if FORMATS[name].recognises(head)), "csv")
 

@@ -7,7 +7,7 @@ that of the messages' headers; where these are all zero, the time at which messa
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
@@ -17,13 +17,18 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import write_facts
-from gyronorth.readers.imu_message import ImuBlock, decode, encode
+from gyronorth.readers.imu_message import ImuBlock, choose_topic, decode, encode
+from gyronorth.readers.joining import joined
+from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block, Clock, Facts, Parts, Source
 from gyronorth.recording import Note, ns_from_utc, utc_from_ns
 
 #: Messages decoded at a time, and looked at in one place.
 BLOCK_MESSAGES, PLACE_MESSAGES = 1 << 14, 1 << 10
+#: Messages at the beginning that show what a topic holds, topics that are looked into, and the least share of messages
+#: with one sensor where each message holds one.
+LOOKED_AT, MOST_SPLIT, FEWEST_OF_A_KIND = 1000, 8, 0.05
 #: Stamps before this, s since 1970 (September 2001), count from a start of their own (simulation, boot).
 EARLIEST_DATE = 1_000_000_000
 #: Seconds of ROS are 32-bit numbers: a recording that begins later is written as time from its start.
@@ -58,11 +63,85 @@ class _Kind:
 
     cdr: bool
     logged: bool  # time is the log time
+    rate: bool
     accel: bool
     zero: int  # ns, the time of the first message
+    only: str = ""  # of messages that hold one sensor each: "gyro" or "accel", those of it
 
 
-def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None = None) -> Source:
+def topics_source(
+    name: str,
+    format: str,
+    topics: dict[str, int],
+    other: Sequence[str],
+    make: Callable[[str], ImuTopic],
+    options: ReadOptions,
+    *,
+    facts: Facts | None = None,
+) -> Source:
+    """The recording in a file with topics: the one chosen, or two of which one holds each sensor.
+
+    Parameters
+    ----------
+    name, format : str
+        File name, for messages, and name of the format.
+    topics : dict
+        Topics of Imu messages with the number of messages of each.
+    other : sequence of str
+        The other topics with their types, for messages.
+    make : callable
+        The topic of a name.
+    options : ReadOptions
+        Declarations.
+    facts : Facts, optional
+        What the file states; then gyronorth wrote it.
+    """
+    gyro, accel = options.topic, options.accel_topic
+    if accel is None and gyro is None and len(topics) > 1:
+        gyro, accel = _split(topics, make)
+    if accel is not None:
+        choose_topic(topics, accel, name, other)
+        rest = {topic: count for topic, count in topics.items() if topic != accel}
+        gyro = choose_topic(rest if gyro is None else topics, gyro, name, other)
+        sources = (
+            imu_source(name, format, make(gyro)),
+            imu_source(name, format, make(accel), sensor="accel"),
+        )
+        return joined(*sources, drop_bad_rows=options.drop_bad_rows)
+    topic = choose_topic(topics, gyro, name, other)
+    if options.needed == FORCES:
+        return imu_source(name, format, make(topic), sensor="accel")
+    return imu_source(name, format, make(topic), facts=facts, drop_bad_rows=options.drop_bad_rows)
+
+
+def _split(topics: dict[str, int], make: Callable[[str], ImuTopic]) -> tuple[str | None, str | None]:
+    """The topics of the gyroscope and of the accelerometer, where one each holds that sensor alone."""
+    held: dict[str, list[str]] = {"gyro": [], "accel": [], "both": []}
+    for topic in list(topics)[:MOST_SPLIT]:
+        head = list(islice(make(topic).messages(None, None), LOOKED_AT))
+        if head and topics[topic]:
+            block, _ = _decode(head, cdr=make(topic).cdr)
+            rate, force = _holds(block.rate, block.rate_absent), _holds(block.force, block.force_absent)
+            held["both" if rate.any() and force.any() else "gyro" if rate.any() else "accel"].append(topic)
+    if len(held["gyro"]) == len(held["accel"]) == 1 and not held["both"]:
+        return held["gyro"][0], held["accel"][0]
+    return None, None
+
+
+def _holds(values: NDArray[np.float64], absent: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which messages hold a quantity (n, 3): drivers leave zeros where they have none."""
+    return ~absent & (values != 0).any(axis=1)
+
+
+def imu_source(
+    name: str,
+    format: str,
+    topic: ImuTopic,
+    *,
+    facts: Facts | None = None,
+    sensor: str = "both",
+    drop_bad_rows: bool = False,
+) -> Source:
     """The recording in a topic; with `facts`, gyronorth wrote the file.
 
     Parameters
@@ -75,8 +154,12 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
         What is read.
     facts : Facts, optional
         What the file states.
+    sensor : str, optional
+        "accel": only that, for a gyroscope's topic to be joined with.
+    drop_bad_rows : bool, optional
+        Where messages of two kinds are joined.
     """
-    head = list(islice(topic.messages(None, None), 1000))
+    head = list(islice(topic.messages(None, None), LOOKED_AT))
     if not head:
         raise InputError(f"{name}: topic {topic.name} holds no messages.")
     block, logged = _decode(head, cdr=topic.cdr)
@@ -90,31 +173,52 @@ def imu_source(name: str, format: str, topic: ImuTopic, *, facts: Facts | None =
             f"{name}: the first message of {topic.name} has {len(head[0][1])} bytes that are no sensor_msgs/Imu: the "
             "file is damaged, or another message has that name."
         )
-    if block.rate_absent.all():
-        raise InputError(
-            f"{name}: topic {topic.name} holds no angular velocity (its covariance begins with -1). Give another topic."
-        )
+    rate, force = _holds(block.rate, block.rate_absent), _holds(block.force, block.force_absent)
+    if sensor == "accel" and not force.any():
+        raise InputError(f"{name}: topic {topic.name} holds no linear acceleration. Give another one: --accel-topic.")
+    if sensor != "accel" and (block.rate_absent.all() or (facts is None and not rate.any())):
+        why = "its covariance begins with -1" if block.rate_absent.all() else "it is zero in all messages"
+        raise InputError(f"{name}: topic {topic.name} holds no angular velocity ({why}). Give another topic.")
     unstamped = not block.stamp[~block.broken].any() and len(head) > 1
     time = logged if unstamped else block.stamp
-    kind = _Kind(topic.cdr, unstamped, not block.force_absent.all(), int(time[0]))
+    has_accel = bool(force.any()) if facts is None else not block.force_absent.all()
+    kind = _Kind(topic.cdr, unstamped, True, has_accel, int(time[0]))
+    make = partial(_topic_source, name, format, topic, facts)
+    if sensor == "accel":
+        return make(replace(kind, rate=False, accel=True))
+    if facts is None and _alternate(rate, force):
+        gyro = make(replace(kind, accel=False, only="gyro"))
+        accel = make(replace(kind, rate=False, accel=True, only="accel"))
+        told = f"each message of {topic.name} holds one of the sensors; they are joined on time"
+        return replace(joined(gyro, accel, drop_bad_rows=drop_bad_rows), read_as=told)
+    return make(kind)
+
+
+def _alternate(rate: NDArray[np.bool_], force: NDArray[np.bool_]) -> bool:
+    """Whether every message holds one of the two quantities, and each of them a share of the messages."""
+    return bool((rate ^ force).all()) and min(rate.mean(), force.mean()) > FEWEST_OF_A_KIND
+
+
+def _topic_source(name: str, format: str, topic: ImuTopic, facts: Facts | None, kind: _Kind) -> Source:
     started = kind.zero >= EARLIEST_DATE * 1_000_000_000
     stated = facts or Facts(start_time_utc=utc_from_ns(kind.zero) if started else None)
     notes = ()
-    if unstamped:
+    if kind.logged:
         message = f"All stamps in {topic.name} of {name} are 0; the times at which its messages were logged are used."
         notes = (Note("log_time_used", message),)
+    parts = Parts(topic.count, exact=topic.exact, block=PLACE_MESSAGES, read=partial(_part, topic, kind))
     return Source(
         format=format,
         name=name,
-        columns=(TIME, *RATES, *FORCES) if kind.accel else (TIME, *RATES),
+        columns=(TIME, *(RATES if kind.rate else ()), *(FORCES if kind.accel else ())),
         blocks=partial(_blocks, topic, kind),
         stated=stated,
         usual=_USUAL,
-        clock=Clock(unit=1.0, name=_LOG_TIME if unstamped else _STAMP),
+        clock=Clock(unit=1.0, name=_LOG_TIME if kind.logged else _STAMP, zero=kind.zero * 1e-9),
         ours=facts is not None,
         topic=topic.name,
         notes=notes,
-        parts=Parts(topic.count, exact=topic.exact, block=PLACE_MESSAGES, read=partial(_part, topic, kind)),
+        parts=None if kind.only else parts,
     )
 
 
@@ -126,7 +230,7 @@ def first_stamp(outgoing: RecordingStream) -> int:
 
 def ros_messages(outgoing: RecordingStream, start: int, *, cdr: bool) -> Iterator[tuple[list[int], list[memoryview]]]:
     """Stamps, ns, and serialised messages in forward-left-up axes, block by block."""
-    flu = np.array([1.0, -1.0, -1.0])
+    flu = np.array([1.0, -1.0, -1.0]) if outgoing.axes_assumed is None else np.ones(3)
     for rows in outgoing.rows():
         numbers = rows.numbers()
         stamp = start + np.rint(numbers / outgoing.rate_hz * 1e9).astype(np.int64)
@@ -136,7 +240,7 @@ def ros_messages(outgoing: RecordingStream, start: int, *, cdr: bool) -> Iterato
 
 def ros_texts(outgoing: RecordingStream) -> dict[str, str]:
     """The facts by key, as they hold for messages in forward-left-up axes."""
-    return write_facts(replace(outgoing.facts, axes="flu"))
+    return write_facts(replace(outgoing.facts, axes="flu" if outgoing.axes_assumed is None else None))
 
 
 def _blocks(topic: ImuTopic, kind: _Kind) -> Iterator[Block]:
@@ -166,16 +270,21 @@ def _block(held: list[tuple[int, bytes]], row: int, kind: _Kind) -> Block:
     """Messages behind the first `row` ones as a block of rows."""
     block, logged = _decode(held, cdr=kind.cdr)
     time = ((logged if kind.logged else block.stamp) - kind.zero) * 1e-9
-    columns = [time[:, None], block.rate] + ([block.force] if kind.accel else [])
+    columns = [time[:, None], *([block.rate] if kind.rate else []), *([block.force] if kind.accel else [])]
     rows = np.arange(row + 1, row + 1 + len(held))
     wrong = [
         (block.broken, "it is no sensor_msgs/Imu"),
-        (block.rate_absent, "its angular velocity is marked as absent"),
+        (block.rate_absent & kind.rate, "its angular velocity is marked as absent"),
         (block.force_absent & kind.accel, "its linear acceleration is marked as absent"),
         (~block.broken & kind.logged & (block.stamp != 0), "its header has a time, those at the beginning have none"),
     ]
-    bad = np.any([flags for flags, _ in wrong], axis=0)
+    ours = np.ones(len(held), dtype=bool)
+    if kind.only:
+        ours = _holds(block.rate, block.rate_absent) if kind.only == "gyro" else _holds(block.force, block.force_absent)
+        ours |= block.broken
+    bad = ours & np.any([flags for flags, _ in wrong], axis=0)
+    values = np.hstack(columns)
     if not bad.any():
-        return Block(np.hstack(columns), rows, Bad.none())
-    reasons = [(int(rows[i]), why) for flags, why in wrong for i in np.flatnonzero(flags)[:DESCRIBED]]
-    return Block(np.hstack(columns)[~bad], rows[~bad], Bad(rows[bad], tuple(sorted(reasons)[:DESCRIBED])))
+        return Block(values[ours], rows[ours], Bad.none())
+    reasons = [(int(rows[i]), why) for flags, why in wrong for i in np.flatnonzero(flags & ours)[:DESCRIBED]]
+    return Block(values[ours & ~bad], rows[ours & ~bad], Bad(rows[bad], tuple(sorted(reasons)[:DESCRIBED])))

@@ -15,6 +15,8 @@ TIME = "t"
 RATES = ("w_x", "w_y", "w_z")
 FORCES = ("f_x", "f_y", "f_z")
 NAMES = (TIME, *RATES, *FORCES)
+#: What a unit says of its own samples: an output is at the end of its range, is not to be trusted.
+FLAGS = ("saturated", "sensor_fault")
 
 
 @dataclass(frozen=True)
@@ -22,10 +24,11 @@ class Facts:
     """What is known of a file: stated in it, or usual for its format. Angles in rad."""
 
     rate_hz: float | None = None  # Hz
-    gyro_unit: str | None = None  # deg/s, rad/s or deg/h
-    accel_unit: str | None = None  # m/s2 or g
+    gyro_unit: str | None = None  # of `options.GYRO_UNITS`
+    accel_unit: str | None = None  # of `options.ACCEL_UNITS`
     axes: str | None = None  # as in `axes.mat_bf`
-    increments: bool = False  # values are per sample, not per second
+    axes_assumed: str | None = None  # the same, where nobody had said so before the file was written
+    increments: bool | str = False  # values are per sample, not per second; "gyro" or "accel": of that sensor alone
     latitude: float | None = None  # rad
     heading_true: float | None = None  # rad
     session: str | None = None
@@ -60,6 +63,7 @@ class Block:
     rows: NDArray[np.int64]  # (m,) row numbers as the user counts them
     bad: Bad  # rows between these that do not hold the right number of numbers
     share: float = 0.0  # of the file that is read with this block; 0 where it cannot be told
+    flags: NDArray[np.bool_] | None = None  # (m, 2) what the unit says of the rows, as `FLAGS`
     cut_off: bool = False  # the file of a live recording ends in the middle of a line, which is left out
 
 
@@ -70,6 +74,8 @@ class Clock:
     unit: float | None  # s per unit; None: it counts samples, the rate must come from elsewhere
     wrap: float | None = None  # the value at which it starts again from 0
     name: str = TIME  # its name in the file, for messages
+    zero: float = 0.0  # s, added to its times before they are compared with another clock's
+    known: bool = False  # whether the unit is declared or stated, not assumed
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,15 @@ class Parts:
     exact: bool  # whether that many; else about
     block: int  # rows, about, that one look takes
     read: Callable[[float], Block]  # the rows at a share of the file, 0: the first ones, 1: the last ones
+
+
+@dataclass(frozen=True)
+class Question:
+    """Something that a file leaves open: what is seen of it, and the options that would settle it."""
+
+    says: str  # a sentence
+    options: tuple[str, ...]  # as the command line takes them
+    certain: bool = True  # whether physics tells so; else they are the likeliest
 
 
 @dataclass(frozen=True)
@@ -94,10 +109,15 @@ class Source:
     usual: Facts = Facts()  # what its format implies: a declaration overrules it
     clock: Clock | None = None  # meaning of column t; None when there is none
     ours: bool = False  # written by gyronorth, in SI
+    decoded: bool = False  # from frames, in SI: declared units and increments belong to their decoding
+    axes_defined: bool = False  # the usual axes are those that the format defines, not a mere habit
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
     parts: Parts | None = None  # None: it can only be read as a whole
+    questions: tuple[Question, ...] = ()  # what must be declared before it can be read
+    read_as: str = ""  # what each column was taken for, for people
+    held: object = None  # what must live for as long as it is read
 
 
 def rows_block(values: NDArray[np.float64], before: int, *, share: float = 0.0) -> Block:

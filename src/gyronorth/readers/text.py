@@ -7,6 +7,7 @@ row, to say which row is bad and why.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
+from gyronorth.readers.times import TimeText
 
 #: Bytes read at a time: about 15,000 rows of six values.
 BLOCK_BYTES = 1 << 20
@@ -25,6 +27,8 @@ BLOCK_BYTES = 1 << 20
 PLACE_BYTES, COUNTED = 1 << 18, 32
 #: A longer line is no row of numbers.
 LONGEST_LINE = 1 << 16
+#: A number with a decimal comma between quotation marks.
+QUOTED_COMMA = re.compile(rb'"([^",\n]*),([^",\n]*)"')
 
 
 class TextHead:
@@ -83,6 +87,19 @@ class TextHead:
 
 
 @dataclass(frozen=True)
+class ClockColumns:
+    """A time that is made of several fields, or written as a date or a time of day."""
+
+    positions: tuple[int, ...]  # of the fields, from 0
+    factors: tuple[float, ...] = (1.0,)  # numbers: their sum with these factors
+    text: TimeText | None = None  # texts: how they are read, joined by a blank
+
+    def of_texts(self, fields: list[str]) -> NDArray[np.float64] | None:
+        """Seconds of the joined texts, shape (n,); None if one of them is no time."""
+        return None if self.text is None else self.text.seconds(fields)
+
+
+@dataclass(frozen=True)
 class Layout:
     """How a row is laid out."""
 
@@ -91,25 +108,52 @@ class Layout:
     delimiter: str | None  # None: any white space
     trailing: bool = False  # rows end in a delimiter with nothing behind it
     mark: bytes | None = None  # of a live recording: lines that begin so are no rows, and the last may be cut off
+    comments: tuple[bytes, ...] = ()  # lines that begin so are no rows
+    blank: bool = False  # blank lines are no rows
+    sparse: bool = False  # rows in which all fields that are read are empty are no rows
+    decimal: str = "."
+    encoding: str = "utf-8"
+    line_end: str = "\n"
+    end: int | None = None  # bytes before a footer
+    clock: ClockColumns | None = None  # the block's first column, where it is no plain number
+    texts: bool = False  # some fields that are not read are no numbers
+    only: tuple[int, str] | None = None  # rows of several kinds: those whose field holds this text
+
+    @property
+    def columns(self) -> int:
+        """Columns of a block."""
+        return len(self.use) + (self.clock is not None)
+
+    def plain(self, data: bytes) -> bytes:
+        """Whole lines as UTF-8 with LF."""
+        if self.encoding != "utf-8":
+            data = data.decode(self.encoding, errors="replace").encode()
+        return data.replace(b"\r\n", b"\n") if self.line_end == "\n" else data.replace(b"\r", b"\n")
+
+    @property
+    def newline(self) -> bytes:
+        """The end of a line in the file."""
+        return self.line_end.encode(self.encoding)
 
 
 def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[Block]:
     """Blocks of the rows behind `offset` bytes and `row` lines of the file."""
-    size = path.stat().st_size
+    size = path.stat().st_size if layout.end is None else layout.end
     with path.open("rb") as file:
         file.seek(offset)
         rest = b""
         while True:
-            data = file.read(BLOCK_BYTES)
+            data = file.read(max(0, min(BLOCK_BYTES, size - file.tell())) if layout.end is not None else BLOCK_BYTES)
             end = len(data) < BLOCK_BYTES
             data = rest + data
-            cut = len(data) if end else data.rfind(b"\n") + 1
+            cut = len(data) if end else _behind_last_line(data, layout)
             data, rest = data[:cut], data[cut:]
-            if len(rest) > LONGEST_LINE:
+            if len(rest) > LONGEST_LINE * len(layout.newline):
                 last = row + data.count(b"\n")
                 raise InputError(
                     f"{path.name} has a line of more than {LONGEST_LINE} characters after row {last}: it is damaged."
                 )
+            data = layout.plain(data)
             cut_off = False
             if end and layout.mark is not None:
                 whole = data.rfind(b"\n") + 1
@@ -117,7 +161,6 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
             if end:
                 data = data.rstrip()  # blank lines at the end are no rows
             if data or cut_off:
-                data = data.replace(b"\r\n", b"\n")
                 block = parse_block(data, row + 1, layout)
                 yield replace(block, share=min(1.0, file.tell() / size), cut_off=cut_off)
                 row += data.count(b"\n")
@@ -125,16 +168,24 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
                 return
 
 
+def _behind_last_line(data: bytes, layout: Layout) -> int:
+    """Bytes of whole lines."""
+    cut = data.rfind(layout.newline)
+    while cut > 0 and cut % len(layout.newline):  # UTF-16: the end of a line begins at an even byte
+        cut = data.rfind(layout.newline, 0, cut + len(layout.newline) - 1)
+    return cut + len(layout.newline) if cut >= 0 else 0
+
+
 def text_parts(path: Path, offset: int, row: int, layout: Layout) -> Parts:
     """The same rows at places of the file; their number is estimated from the length of lines here and there."""
-    size = path.stat().st_size
+    size = path.stat().st_size if layout.end is None else layout.end
     length = 1 << 14
     with path.open("rb") as file:
         counted = lines = 0
         for share in np.linspace(0, 1, COUNTED):
             file.seek(offset + round(float(share) * max(0, size - offset - length)))
             data = file.read(length)
-            counted, lines = counted + len(data), lines + data.count(b"\n")
+            counted, lines = counted + len(data), lines + data.count(layout.newline)
     per_row = counted / max(lines, 1)
     return Parts(
         rows=round((size - offset) / max(per_row, 1.0)),
@@ -146,16 +197,16 @@ def text_parts(path: Path, offset: int, row: int, layout: Layout) -> Parts:
 
 def _place(path: Path, offset: int, row: int, layout: Layout, per_row: float, share: float) -> Block:
     """Whole lines at a share of the file; their row numbers are estimates."""
-    size = path.stat().st_size
+    size = path.stat().st_size if layout.end is None else layout.end
     start = offset + round(share * max(0, size - offset - PLACE_BYTES))
     with path.open("rb") as file:
         file.seek(start)
-        data = file.read(PLACE_BYTES)
-    begin = data.find(b"\n") + 1 if start > offset else 0
-    end = len(data) if start + len(data) >= size else data.rfind(b"\n") + 1
-    data = data[begin:end].rstrip().replace(b"\r\n", b"\n")
+        data = file.read(min(PLACE_BYTES, max(0, size - start)))
+    begin = data.find(layout.newline) + 1 if start > offset else 0
+    end = len(data) if start + len(data) >= size else data.rfind(layout.newline) + 1
+    data = layout.plain(data[begin:end]).rstrip()
     first = row + 1 + round((start + begin - offset) / per_row)
-    return parse_block(data, first, layout) if data else Block(np.zeros((0, len(layout.use))), np.arange(0), Bad.none())
+    return parse_block(data, first, layout) if data else Block(np.zeros((0, layout.columns)), np.arange(0), Bad.none())
 
 
 def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:
@@ -163,27 +214,51 @@ def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:
     if data and not data.endswith(b"\n"):
         data += b"\n"
     rows = np.arange(first_row, first_row + data.count(b"\n"))
-    if layout.mark is not None and layout.mark in data:
+    if _has_other_lines(data, layout):
+        begins = (layout.mark, *layout.comments) if layout.mark is not None else layout.comments
         lines = data.split(b"\n")[:-1]
-        kept = np.array([not line.startswith(layout.mark) for line in lines])
+        kept = np.array([not line.lstrip().startswith(begins) and not (layout.blank and not line.strip())
+                         for line in lines])  # fmt: skip
         data, rows = b"".join(line + b"\n" for line in compress(lines, kept)), rows[kept]
+    if layout.only is not None:
+        position, text = layout.only
+        delimiter = None if layout.delimiter is None else layout.delimiter.encode()
+        lines = data.split(b"\n")[:-1]
+        kept = np.array(
+            [line.split(delimiter, position + 1)[position : position + 1] == [text.encode()] for line in lines]
+        )
+        data, rows = b"".join(line + b"\n" for line in compress(lines, kept)), rows[kept]
+    if layout.decimal == ",":
+        data = data.replace(b",", b".") if layout.delimiter != "," else QUOTED_COMMA.sub(rb"\1.\2", data)
     values = _parse_regular(data, layout)
     if values is None:
         return _parse_each(data, rows, layout)
     return Block(values, rows, Bad.none())
 
 
+def _has_other_lines(data: bytes, layout: Layout) -> bool:
+    """Whether some lines may be no rows."""
+    begins = (layout.mark, *layout.comments) if layout.mark is not None else layout.comments
+    return any(begin in data for begin in begins) or (layout.blank and b"\n\n" in b"\n" + data.replace(b"\r", b""))
+
+
 def _parse_regular(data: bytes, layout: Layout) -> NDArray[np.float64] | None:
     """All rows in one call, or None where any of them is irregular."""
     if not data:
-        return np.zeros((0, len(layout.use)))
+        return np.zeros((0, layout.columns))
     width = len(layout.titles) + layout.trailing
     if layout.delimiter is not None and not _has_width(data, layout.delimiter, width):
         return None
+    time_fields = layout.clock.positions if layout.clock is not None and layout.clock.text is None else ()
+    use = (*time_fields, *layout.use)
     try:
         lines = data.decode().split("\n")[:-1]
-        # Without a delimiter every field is read: numpy then insists on equal widths.
-        use = layout.use if layout.delimiter is not None else None
+        if layout.delimiter is None and (layout.texts or layout.clock is not None):
+            if any(len(line.split()) != width for line in lines):
+                return None
+        elif layout.delimiter is None:
+            # Without a delimiter every field is read: numpy then insists on equal widths.
+            use = None
         values = np.loadtxt(lines, delimiter=layout.delimiter, usecols=use, comments=None, quotechar='"', ndmin=2)
     except ValueError:  # UnicodeDecodeError is one
         return None
@@ -192,7 +267,22 @@ def _parse_regular(data: bytes, layout: Layout) -> NDArray[np.float64] | None:
             return None
         values = values[:, layout.use]
     blank_behind = not layout.trailing or all(line.rstrip().endswith(str(layout.delimiter)) for line in lines)
-    return values if len(values) == len(lines) and blank_behind else None
+    if len(values) != len(lines) or not blank_behind:
+        return None
+    return values if layout.clock is None else _with_clock(values, lines, layout, layout.clock)
+
+
+def _with_clock(
+    values: NDArray[np.float64], lines: list[str], layout: Layout, clock: ClockColumns
+) -> NDArray[np.float64] | None:
+    """The time put together, then the values."""
+    if clock.text is None:
+        parts = len(clock.positions)
+        return np.column_stack([values[:, :parts] @ np.array(clock.factors), values[:, parts:]])
+    last = max(clock.positions) + 1
+    cut = [line.split(layout.delimiter, last) for line in lines]
+    time = clock.of_texts([" ".join(fields[i].strip(' "') for i in clock.positions) for fields in cut])
+    return None if time is None else np.column_stack([time, values])
 
 
 def _has_width(data: bytes, delimiter: str, width: int) -> bool:
@@ -214,6 +304,8 @@ def _parse_each(data: bytes, numbers: NDArray[np.int64], layout: Layout) -> Bloc
     lines = data.split(b"\n")[:-1]
     for row, line in zip(numbers.tolist(), lines, strict=True):
         parsed = _parse_row(line, layout)
+        if parsed is None:
+            continue
         if isinstance(parsed, str):
             bad.append(row)
             if len(reasons) < DESCRIBED:
@@ -222,14 +314,14 @@ def _parse_each(data: bytes, numbers: NDArray[np.int64], layout: Layout) -> Bloc
             values.append(parsed)
             rows.append(row)
     return Block(
-        np.array(values, dtype=float).reshape(len(values), len(layout.use)),
+        np.array(values, dtype=float).reshape(len(values), layout.columns),
         np.array(rows, dtype=np.int64),
         Bad(np.array(bad, dtype=np.int64), tuple(reasons)),
     )
 
 
-def _parse_row(line: bytes, layout: Layout) -> list[float] | str:
-    """The values of one row, or what is wrong with it."""
+def _parse_row(line: bytes, layout: Layout) -> list[float] | str | None:
+    """The values of one row, or what is wrong with it; None for a row of other columns."""
     try:
         text = line.decode()
     except UnicodeDecodeError as error:
@@ -246,8 +338,27 @@ def _parse_row(line: bytes, layout: Layout) -> list[float] | str:
         fields = fields[:-1]
     if len(fields) != len(layout.titles):
         return f"it has {len(fields)} fields; {len(layout.titles)} are expected{_likely_cause(text, fields, layout)}"
-    values = []
-    for position in layout.use:
+    if layout.blank and not any(field.strip() for field in fields):
+        return None
+    if layout.sparse and not any(fields[position].strip() for position in layout.use[-3:]):
+        return None
+    return _values_of(fields, layout)
+
+
+def _values_of(fields: list[str], layout: Layout) -> list[float] | str:
+    """The values in the fields of a row, or what is wrong with one."""
+    clock, before = layout.clock, list[float]()
+    numbers = list(layout.use)
+    if clock is not None and clock.text is not None:
+        joined = " ".join(fields[position].strip() for position in clock.positions)
+        time = clock.of_texts([joined])
+        if time is None:
+            return f"{layout.titles[clock.positions[0]]} is {joined[:40]!r}; {clock.text.form} is expected"
+        before = [float(time[0])]
+    elif clock is not None:
+        numbers = [*clock.positions, *layout.use]
+    values: list[float] = []
+    for position in numbers:
         try:
             if "_" in fields[position]:
                 raise ValueError
@@ -255,7 +366,10 @@ def _parse_row(line: bytes, layout: Layout) -> list[float] | str:
         except ValueError:
             shown = fields[position] if len(fields[position]) <= 40 else fields[position][:37] + "..."
             return f"{layout.titles[position] or f'field {position + 1}'} is {shown!r}; a number is expected"
-    return values
+    if clock is not None and clock.text is None:
+        parts = len(clock.positions)
+        before, values = [sum(x * y for x, y in zip(values, clock.factors, strict=False))], values[parts:]
+    return before + values
 
 
 def _likely_cause(text: str, fields: list[str], layout: Layout) -> str:

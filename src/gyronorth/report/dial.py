@@ -20,11 +20,17 @@ def on_circle(heading_deg: float, radius: float) -> str:
 
 def sector_path(low_deg: float, high_deg: float, radius: float) -> str | None:
     """Path of the sector clockwise from `low_deg` to `high_deg`; None where it is the whole circle."""
+    arc = arc_path(low_deg, high_deg, radius)
+    return None if arc is None else f"M0 0 L{arc[1:]} Z"
+
+
+def arc_path(low_deg: float, high_deg: float, radius: float) -> str | None:
+    """Path of the arc clockwise from `low_deg` to `high_deg`; None where it is the whole circle."""
     if high_deg - low_deg >= 360:
         return None
     width = (high_deg - low_deg) % 360
     start, end = on_circle(low_deg, radius), on_circle(low_deg + width, radius)
-    return f"M0 0 L{start} A{radius:g} {radius:g} 0 {int(width > 180)} 1 {end} Z"
+    return f"M{start} A{radius:g} {radius:g} 0 {int(width > 180)} 1 {end}"
 
 
 def quadrant_seconds(poses: Sequence[Pose]) -> list[float]:

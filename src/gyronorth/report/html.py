@@ -13,11 +13,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
-from gyronorth.report.dial import on_circle, quadrant_seconds, sector_path
+from gyronorth.report.checks import limit_text, share, value_text
+from gyronorth.report.dial import arc_path, on_circle, quadrant_seconds, sector_path
 from gyronorth.report.figures import allan_figure, convergence_figure, svg_text
+from gyronorth.report.sensors import figure_texts
 from gyronorth.report.tables import Outcome
 from gyronorth.report.wording import (
     angle_text,
+    fixed_text,
     heading_text,
     interval_text,
     number_text,
@@ -29,6 +32,7 @@ from gyronorth.report.wording import (
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
     from gyronorth.estimate import Convergence, HeadingEstimate
+    from gyronorth.sensor import Sensor
 
 
 def heading_page(
@@ -37,6 +41,7 @@ def heading_page(
     *,
     deviation: AllanDeviation | None = None,
     inputs: Sequence[tuple[str, str]] = (),
+    sensor: Sensor | None = None,
 ) -> str:
     """The page as text: no script, no external resource, light and dark, readable on a phone.
 
@@ -50,6 +55,8 @@ def heading_page(
         Of the gyro; left out for records that are too short.
     inputs : sequence of (str, str)
         What the user gave, as (name, value).
+    sensor : Sensor, optional
+        The profile, whose figures are shown.
     """
     estimate = outcome.estimate
     if estimate is None:
@@ -71,6 +78,8 @@ def heading_page(
             dial=_dial(doc),
             convergence_svg=svg_text(figure, salt="convergence"),
             allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
+            checks=_checks(estimate),
+            figures=() if sensor is None else figure_texts(sensor),
             inputs=inputs,
             poses=_poses(estimate),
             disturbance=_disturbance(estimate),
@@ -93,12 +102,27 @@ def _environment() -> Environment:
     )
     environment.filters |= {
         "number": number_text,
+        "fixed": fixed_text,
         "angle": angle_text,
         "heading": heading_text,
         "part": part_name,
         "plain": plain_text,
     }
     return environment
+
+
+def _checks(estimate: HeadingEstimate) -> list[dict[str, Any]]:
+    """The checks of the page's table: value and limit as text, and the share of the limit that is used, per cent."""
+    return [
+        {
+            "title": check.title,
+            "passed": check.passed,
+            "value": value_text(check),
+            "limit": limit_text(check),
+            "percent": 100 * min(share(check), 1),
+        }
+        for check in estimate.checks
+    ]
 
 
 def _bars(doc: dict[str, Any]) -> list[dict[str, Any]]:
@@ -132,10 +156,10 @@ def _disturbance(estimate: HeadingEstimate) -> list[tuple[str, str]]:
     if found is None:
         return []
     rows = [("sway tones, expected number", number_text(found.sway_tones, decimals=1))]
-    chances = (("the bias settles", found.settling), ("the bias walks", found.walk), ("slow tilt", found.tilt))
+    chances = (("bias settling", found.settling), ("bias random walk", found.walk), ("slow tilt", found.tilt))
     rows += [(f"{name}, probability", f"{chance:.2f}") for name, chance in chances if chance is not None]
     rows.append(("left out as bumps", number_text(found.masked_s, decimals=1, unit="s")))
-    rows.append(("residual over the sensor's noise", number_text(found.residual_ratio)))
+    rows.append(("residual over sensor noise", number_text(found.residual_ratio)))
     return rows
 
 
@@ -145,4 +169,4 @@ def _dial(doc: dict[str, Any]) -> dict[str, Any]:
     sector = sector_path(low, high, 80)
     needle = None if doc["heading_deg"] is None else on_circle(doc["heading_deg"], 74)
     ticks = [(on_circle(angle, 80), on_circle(angle, 72 if angle % 90 else 68)) for angle in range(0, 360, 30)]
-    return {"whole": sector is None, "sector": sector, "needle": needle, "ticks": ticks}
+    return {"whole": sector is None, "sector": sector, "arc": arc_path(low, high, 80), "needle": needle, "ticks": ticks}

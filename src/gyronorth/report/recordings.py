@@ -14,10 +14,19 @@ if TYPE_CHECKING:
     from gyronorth.readers import Description
 
 
+#: How the axes of a file are known, in words.
+AXES_ORIGINS = {
+    "stated": "stated by the file",
+    "declared": "declared",
+    "format": "defined by the format",
+    "assumed": "assumed: nobody says so",
+}
+
+
 def print_description(description: Description, stream: TextIO) -> None:
     """Print a `Description` as `label  text` lines."""
     doc = description.to_json()
-    axes = doc["axes"] if doc["axes_declared"] else f"{doc['axes']} (by the format's convention)"
+    axes = f"{doc['axes']} ({AXES_ORIGINS[doc['axes_origin']]})"
     units = doc["gyro_unit"] if doc["accel_unit"] is None else f"{doc['gyro_unit']}, {doc['accel_unit']}"
     mean = ", ".join(number_text(value) for value in doc["rate_mean_deg_h"])
     norm = number_text(doc["rate_norm_deg_h"], unit="deg/h")
@@ -26,6 +35,7 @@ def print_description(description: Description, stream: TextIO) -> None:
         ("format", doc["format"]),
         *([("topic", doc["topic"])] if doc["topic"] else []),
         ("columns", ", ".join(doc["columns"])),
+        *([("read as", doc["read_as"])] if doc["read_as"] else []),
         ("length", _length(doc)),
         ("units in the file", f"{units}{', increments' if doc['increments'] else ''}"),
         ("axes in the file", axes),
@@ -45,6 +55,8 @@ def print_description(description: Description, stream: TextIO) -> None:
     else:
         force = ", ".join(number_text(value, decimals=4) for value in doc["force_mean_m_s2"])
         lines.append(("mean specific force", f"{force} m/s2 in body axes (0, 0, -9.8 when level)"))
+    if doc["clock"] is not None:
+        lines.append(("clock", _clock(doc["clock"])))
     lines += [("gaps", _gaps(doc)), ("rows dropped", str(doc["rows_dropped"]))]
     lines += [("note", f"{note['code']}: {note['message']}") for note in doc["notes"]]
     print_lines(lines, stream)
@@ -53,6 +65,16 @@ def print_description(description: Description, stream: TextIO) -> None:
 def _length(doc: dict[str, Any]) -> str:
     about = "" if doc["estimated_from"] is None or doc["estimated_from"]["samples_known"] else "about "
     return f"{about}{doc['samples']} samples, {about}{doc['duration_s']:.10g} s at {doc['rate_hz']:.10g} Hz"
+
+
+def _clock(clock: dict[str, Any]) -> str:
+    counts = [f"{clock['lost']} lost"]
+    late = f"{clock['late']} late" + (f" (by up to {number_text(1e3 * clock['latest_s'])} ms)" if clock["late"] else "")
+    counts += [late, f"{clock['repeated']} repeated", f"{clock['duplicated']} duplicated"]
+    counts.append(f"{clock['backwards']} backwards")
+    wraps = "".join(f"; starts again from 0 as {words}" for words in clock["wraps"])
+    back = f"; {clock['given_back']} bridged samples were late, not lost" if clock["given_back"] else ""
+    return f"{number_text(clock['data_s'])} s of data; stamps {', '.join(counts)}{wraps}{back}"
 
 
 def _scatter(doc: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.report.terminal import print_table
+from gyronorth.report.wording import printable
 from gyronorth.sensor.law import TERMS
 
 if TYPE_CHECKING:
@@ -32,6 +33,14 @@ coefficient, the Allan minimum / 0.664. Bias: from power-up to power-up. --json 
 """
 
 
+def figure_texts(sensor: Sensor) -> list[tuple[str, str]]:
+    """The figures of a profile as (name, value with unit); one standard deviation of one axis each."""
+    return [
+        (title, f"{getattr(getattr(sensor, triad), field) / one:.3g} {unit}")
+        for (title, unit), (triad, field, one) in FIGURES.items()
+    ]
+
+
 def print_sensors(sensors: Sequence[Sensor], stream: TextIO) -> None:
     """Print one row of figures per sensor (one standard deviation of one axis), then the sources."""
     titles, units = zip(*FIGURES, strict=True)
@@ -42,13 +51,15 @@ def print_sensors(sensors: Sequence[Sensor], stream: TextIO) -> None:
     print_table(("sensor", *titles), rows, stream)
     stream.write(LEGEND)
     for sensor in sensors:
-        stream.write(textwrap.fill(f"{sensor.name}: {sensor.source}", width=100, subsequent_indent="  ") + "\n")
+        stream.write(
+            textwrap.fill(printable(f"{sensor.name}: {sensor.source}"), width=100, subsequent_indent="  ") + "\n"
+        )
 
 
 def print_characterisation(found: Characterisation, stream: TextIO) -> None:
     """Print the identified terms of each axis and of the triad, with 95 % intervals, then the remarks."""
     doc = found.to_json()
-    stream.write(f"{doc['source']}: {doc['duration_s']:.6g} s at {doc['rate_hz']:.6g} Hz\n\n")
+    stream.write(f"{printable(doc['source'])}: {doc['duration_s']:.6g} s at {doc['rate_hz']:.6g} Hz\n\n")
     for what in ("gyro", "accel"):
         if doc[what] is None:
             continue

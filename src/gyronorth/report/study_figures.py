@@ -44,17 +44,24 @@ def study_figure(study: Study) -> Figure:
         figure = Figure(figsize=(8.0, 4.4), layout="constrained")
         FigureCanvasAgg(figure)
         FIGURES[study["study"]](figure, study)
+        selection = study.get("plan", {}).get("selection", "validation")
+        if selection != "validation":
+            figure.suptitle(f"networks: epoch by {selection}, not an honest choice", color=RED)
     return figure
 
 
 def _noise(figure: Figure, study: Study) -> None:
     axes = figure.subplots()
+    axes.set(title=study["title"], xlabel="window (s)", ylabel="model-based CRMSE (deg)", xscale="log")
+    own = study["curves"].get("recordings")
+    if own is not None:  # a user's: nothing printed stands beside them
+        axes.plot(own["duration"], own["crmse_deg"], "-", color=BLUE, marker=".")
+        return
     printed, twin = study["curves"]["printed"], study["curves"]["twin"]
     fitted = [row[2] for row in study["tables"][0]["rows"]]
     axes.plot(printed["duration"], printed["crmse_deg"], "o", color=RED, label="printed (another set)")
     axes.plot(printed["duration"], fitted, "--", color=INK, label="fit: bias and white noise")
     axes.plot(twin["duration"], twin["crmse_deg"], "-", color=BLUE, marker=".", label="the twin, 60 recordings")
-    axes.set(title=study["title"], xlabel="window (s)", ylabel="model-based CRMSE (deg)", xscale="log")
     axes.legend()
 
 
@@ -106,9 +113,21 @@ def _intervals(axes: Axes, rows: Sequence[tuple[str, dict]]) -> None:
 
 
 def _scale(figure: Figure, study: Study) -> None:
-    """The first window before and after the denoiser: x, normalised per sequence and, if it is finite, not at all."""
+    """Scale against the number of reverse steps; the first window before and after, with two normalisations."""
+    by_steps = study["curves"].get("by_steps")
+    parts: Any = [figure]
+    if by_steps is not None:
+        figure.set_size_inches(8.0, 7.5)
+        parts = figure.subfigures(2, 1)
+        axes = parts[0].subplots()
+        for (kind, points), marker in zip(by_steps.items(), "osv^D", strict=False):
+            steps, gain = [p["steps"] for p in points], [p["horizontal_gain"] for p in points]
+            axes.plot(steps, gain, marker=marker, markersize=4, linewidth=1.2, label=kind)
+        axes.axhline(1.0, color=FAINT, linewidth=1.0)
+        axes.set(title=study["title"], xlabel="reverse steps", ylabel="horizontal rate, after / before", xscale="log")
+        axes.legend(title="normalisation")
     curves = {kind: study["curves"][kind] for kind in ("sequence", "none") if kind in study["curves"]}
-    panels = figure.subplots(1, max(len(curves), 1), squeeze=False)[0]
+    panels = parts[-1].subplots(1, max(len(curves), 1), squeeze=False)[0]
     for axes, (kind, example) in zip(panels, curves.items(), strict=False):
         for (name, samples), colour, style in zip(example.items(), (FAINT, BLUE), ("-", "-"), strict=True):
             rate = np.array(samples)[:, 0]
@@ -130,11 +149,13 @@ def _t_back(figure: Figure, study: Study) -> None:
     histories = study["curves"]["training"]
     panels = bottom.subplots(1, len(histories), sharey=True, squeeze=False)[0]
     for panel, (t_back, history) in zip(panels, histories.items(), strict=True):
+        splits = history if isinstance(history[0], list) else [history]  # one line a split
         for key, colour, style in zip(("loss", "validation", "test"), _COLOURS, _STYLES, strict=False):
-            if key in history[0]:
-                values = [np.nan if entry[key] is None else entry[key] for entry in history]
-                label = {"loss": "train"}.get(key, key)
-                panel.plot(np.arange(1, len(values) + 1), values, color=colour, linestyle=style, label=label)
+            for k, one in enumerate(split for split in splits if key in split[0]):
+                values = [np.nan if entry[key] is None else entry[key] for entry in one]
+                label = None if k else {"loss": "train"}.get(key, key)
+                width, epochs = 1.5 / np.sqrt(len(splits)), np.arange(1, len(values) + 1)
+                panel.plot(epochs, values, color=colour, linestyle=style, linewidth=width, label=label)
         panel.set(title=f"Fig. 7: t_back {t_back}", xlabel="epoch", yscale="log")
     panels[0].set_ylabel("CRMSE (deg)")
     panels[0].legend()

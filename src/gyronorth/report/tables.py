@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,7 @@ COLUMNS = (
     "heading_true_deg",
     "error_deg",
     "message",
+    "fitness",
 )
 
 
@@ -46,6 +47,19 @@ class Outcome:
     estimate: HeadingEstimate | None = None
     message: str = ""
     heading_true: float | None = None  # rad, when the file knows it
+    checksum: str = ""  # of what the file held, where a table of many is kept
+    settings: str = ""  # JSON of all that decided the heading, likewise
+    window: tuple[float, float] | None = None  # start and end in the file, s, where it is one of its windows
+
+    def label(self) -> str:
+        """File, and window where there is one, for people."""
+        return self.file if self.window is None else "{} {:g}:{:g} s".format(self.file, *self.window)
+
+    def stamped(self, checksum: str, settings: str) -> Outcome:
+        """The same with what tells later whether it still holds."""
+        return replace(self, checksum=checksum, settings=settings)
+
+    read_as: str = ""  # what each column of the file was taken for
 
     def document(self) -> dict[str, Any]:
         """One object of the JSON array of a folder: `file`, `error` and the heading's fields, where there is one."""
@@ -103,4 +117,9 @@ def write_rows(rows: Iterable[dict[str, Any]], columns: Sequence[str], path: Pat
     ):
         writer = csv.DictWriter(file, columns, lineterminator="\n", restval="")
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+
+
+def _cell(value: Any) -> Any:
+    """A text that a spreadsheet would take for a formula behind an apostrophe, which it takes for a text."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value

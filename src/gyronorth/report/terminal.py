@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Sequence
 from typing import TextIO
 
 from gyronorth.report.tables import Outcome
-from gyronorth.report.wording import heading_lines, heading_text, number_text
+from gyronorth.report.wording import heading_lines, heading_text, number_text, printable
 
 #: Style of the terminal for the labels of `heading_lines` that stand out.
 STYLES = {"reason": "red", "warning": "yellow", "heading": "bold", "verdict": "bold"}
@@ -28,7 +28,7 @@ def print_heading(outcome: Outcome, stream: TextIO) -> None:
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column(overflow="fold")
-    for label, text in lines:
+    for label, text in ((label, printable(text)) for label, text in lines):
         style = STYLES.get(label, "")
         grid.add_row(label, Text(text, style=f"bold {colour}" if label == "verdict" else style))
     Console(file=stream).print(Panel(grid, title="true north", border_style=colour, expand=False))
@@ -37,7 +37,7 @@ def print_heading(outcome: Outcome, stream: TextIO) -> None:
 def print_lines(lines: Sequence[tuple[str, str]], stream: TextIO) -> None:
     """Print (label, text) pairs as aligned plain text."""
     width = max(len(label) for label, _ in lines)
-    stream.writelines(f"{label:<{width}}  {text}".rstrip() + "\n" for label, text in lines)
+    stream.writelines(f"{label:<{width}}  {printable(text)}".rstrip() + "\n" for label, text in lines)
 
 
 def print_table(
@@ -47,6 +47,7 @@ def print_table(
 
     On a terminal the columns at the positions `unwrapped` (all but the last by default) keep to one line.
     """
+    rows = [[printable(cell).replace("\n", "\\n") for cell in row] for row in rows]
     if stream.isatty():
         from rich.box import SIMPLE_HEAD
         from rich.console import Console
@@ -79,7 +80,7 @@ def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
     rows = []
     for outcome in outcomes:
         if outcome.estimate is None:
-            rows.append((outcome.file, "", "", "", "error" + numbers([f"error: {outcome.message}"])))
+            rows.append((outcome.label(), "", "", "", "error" + numbers([f"error: {outcome.message}"])))
             continue
         doc = outcome.document()
         low, high = doc["interval95_deg"]
@@ -87,7 +88,7 @@ def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
         verdict = "valid" if doc["valid"] else f"refused ({codes})"
         rows.append(
             (
-                outcome.file,
+                outcome.label(),
                 "" if doc["heading_deg"] is None else heading_text(doc["heading_deg"]),
                 number_text(doc["sigma_deg"]),
                 f"{heading_text(low)} to {heading_text(high, full_turn=True)}",
@@ -96,4 +97,4 @@ def print_folder(outcomes: Sequence[Outcome], stream: TextIO) -> None:
         )
     header = ("file", "heading/deg", "sigma/deg", "95 % interval/deg", "verdict")
     print_table(header, rows, stream, unwrapped=(1, 2, 3))
-    stream.writelines(f"[{number}] {note}\n" for note, number in notes.items())
+    stream.writelines(f"[{number}] {printable(note)}\n" for note, number in notes.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from gyronorth.angles import DEG_PER_HOUR
@@ -9,6 +10,14 @@ from gyronorth.earth import EARTH_RATE
 
 if TYPE_CHECKING:
     from gyronorth.report.tables import Outcome
+
+#: Control characters but the line feed, and those that turn the direction of a text.
+_STEERING = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def printable(text: str) -> str:
+    """A text from outside, for a terminal: what would steer it (escape sequences, text from right to left) is shown."""
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def heading_text(heading_deg: float, *, decimals: int = 2, width: int = 0, full_turn: bool = False) -> str:
@@ -38,6 +47,11 @@ def number_text(value: float | None, *, decimals: int = 2, unit: str = "") -> st
     small = value != 0 and abs(value) < 10.0**-decimals
     text = f"{value:.2g}" if small else f"{value:.{decimals}f}"
     return f"{text}{unit}" if unit == "°" else f"{text} {unit}".rstrip()
+
+
+def fixed_text(value: float | None, *, decimals: int = 2) -> str:
+    """A number that always has so many decimals, such as roll and pitch, or "unknown"; there is no -0.00."""
+    return "unknown" if value is None else f"{round(value, decimals) + 0.0:.{decimals}f}"
 
 
 def duration_text(seconds: float) -> str:
@@ -120,5 +134,6 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
         lines.append(("pose", f"{span}: {heading_text(pose['heading_deg'])} deg"))
     end = "" if doc["end_time_utc"] is None else f", ends {doc['end_time_utc']}"
     lines.append(("recording", f"{outcome.file}, {doc['duration_s']:g} s at {doc['rate_hz']:g} Hz{end}"))
+    lines += [("read as", outcome.read_as)] if outcome.read_as else []
     lines.append(("sensor", doc["sensor"] or "no profile given"))
     return lines

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.files import write_text
 
 #: Shortest time constant of the in-run bias, s: below it white noise hides flicker.
@@ -129,7 +129,7 @@ def read_sensor(name_or_file: str | os.PathLike[str] | Sensor) -> Sensor:
     else:
         raise InputError(
             f"There is no sensor {str(name_or_file)!r}: neither a built-in profile ({', '.join(profiles.names())}) "
-            "nor a file. Give one of those names, or the path of a JSON profile."
+            f"nor a file.{did_you_mean(name, profiles.names())} Give one of those names, or the path of a JSON profile."
         )
     values = profiles.parse(text, where=where)
     gyro, accel = TriadErrors(**values.pop("gyro")), TriadErrors(**values.pop("accel"))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from pathlib import Path
 
 from gyronorth.errors import InputError
 from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.disturbed_long import LONG
+from gyronorth.studies.paper_augmentation import AUGMENTATION
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
+from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED, PROTOCOL_LEAK
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
@@ -17,7 +20,7 @@ from gyronorth.studies.published_transfer import TRANSFER
 from gyronorth.studies.stress import STRESS
 from gyronorth.studies.study import Study, StudyPlan, write_study
 from gyronorth.studies.turned import TURNED
-from gyronorth.studies.work import executor_on, run_units
+from gyronorth.studies.work import run_units
 
 DEFAULT = StudyPlan()
 STUDIES: tuple[Study, ...] = (
@@ -27,6 +30,10 @@ STUDIES: tuple[Study, ...] = (
     SPLITS,
     TRANSFER,
     TABLE_2,
+    AUGMENTATION,
+    PROTOCOL,
+    PROTOCOL_DENOISED,
+    PROTOCOL_LEAK,
     SCALE,
     SWEEP,
     DURATION,
@@ -62,11 +69,10 @@ def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
 def run_benchmark(
     benchmark: str,
     out: str | Path,
+    executor: Executor,
     *,
     only: tuple[str, ...] = (),
     plan: StudyPlan = DEFAULT,
-    scheduler: str | None = None,
-    workers: int | None = None,
     progress: Callable[[str, int, int], None] = lambda _study, _finished, _total: None,
 ) -> list[Path]:
     """Run a benchmark into the folder `out`, continuing what is there; give the Markdown files written.
@@ -75,28 +81,27 @@ def run_benchmark(
     ----------
     benchmark : str
         `paper`, `published`, `turned`, `disturbed` or `stress`.
+    out : str or Path
+        Folder of the results; it is made.
+    executor : Executor
+        Who does the units.
     only : tuple of str
         Names of studies; all by default.
-    scheduler : str, optional
-        Address of a Dask scheduler; local processes by default.
-    workers : int, optional
-        Local processes; as many as there are processors by default.
     progress : callable
         Called with the study's name, the units finished and their total.
     """
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    with executor_on(scheduler, workers=workers) as executor:
-        for study in studies_of(benchmark, only):
-            command = f"gyronorth benchmark {benchmark} --study {study.name}{plan.options()} -o FOLDER"
-            results = run_units(
-                study.units(plan),
-                folder,
-                executor,
-                command=command,
-                done=lambda finished, total, name=study.name: progress(name, finished, total),
-            )
-            write_study(study, plan, results, folder, command=command)
-            written.append(folder / f"{study.name}.md")
+    for study in studies_of(benchmark, only):
+        command = f"gyronorth benchmark {benchmark} --study {study.name}{plan.options()} -o FOLDER"
+        results = run_units(
+            study.units(plan),
+            folder,
+            executor,
+            command=command,
+            done=lambda finished, total, name=study.name: progress(name, finished, total),
+        )
+        write_study(study, plan, results, folder, command=command)
+        written.append(folder / f"{study.name}.md")
     return written

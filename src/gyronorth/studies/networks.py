@@ -1,8 +1,8 @@
-"""Units of work that train the networks: a denoiser, and a heading network on one split of the twin.
+"""Units of work that train the networks: a denoiser, and a heading network on one split of the recordings.
 
 A variant is what differs from the paper's settings, a nested dict in the names of the YAML
-file: {"heading": {"dropout": 0.2}}. Every choice of an epoch is made on validation; the test
-recordings are looked at after.
+file: {"heading": {"dropout": 0.2}}. Every choice of an epoch is made on validation, unless a plan says
+otherwise and every output with it; the test recordings are looked at after.
 """
 
 from __future__ import annotations
@@ -11,17 +11,19 @@ import base64
 import io
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, cyclic_rmse
-from gyronorth.evaluation import Split, random_splits
+from gyronorth.errors import InputError
+from gyronorth.evaluation import Split
 from gyronorth.published import LATITUDE, Twin, model_based
 from gyronorth.studies.methods import WINDOW
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import StudyPlan
+from gyronorth.studies.study import Selection, StudyPlan
 from gyronorth.studies.work import Job, Result
 
 if TYPE_CHECKING:
@@ -55,8 +57,7 @@ CIRCLE = 180
 
 def splits_of(plan: StudyPlan, count: int) -> list[Split]:
     """The first splits of the study of random splits: networks and other methods see the same."""
-    rng = np.random.default_rng([plan.seed, 1])
-    return random_splits(len(plan.recordings().heading_true), count, rng=rng)
+    return plan.splits_of(count)
 
 
 def denoiser_unit(variant: Variant, plan: StudyPlan, *, seed: int, split: Split | None = None) -> Job:
@@ -69,24 +70,31 @@ def denoiser_unit(variant: Variant, plan: StudyPlan, *, seed: int, split: Split 
     arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed, "real": None}
     if split is not None:
         arguments |= {"real": split_json(split), **plan.source()}
-    return Job(f"denoiser/{_digest(arguments)}", train_denoiser_unit, arguments)
+    return Job(f"denoiser/{digest(arguments)}", train_denoiser_unit, arguments)
 
 
 def heading_unit(
     variant: Variant, plan: StudyPlan, split: Split, *, seed: int, denoiser: Job | None = None, duration: float = WINDOW
 ) -> Job:
     """Train the heading network of a variant on a split; its denoiser is trained before, once for all seeds."""
-    default = {"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}
-    settings = merged(default, variant)
-    if plan.epochs is not None:
-        settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
+    settings = heading_settings(variant, plan, seed=seed, duration=duration)
     needs: tuple[Job, ...] = ()
     if settings["heading"].get("denoised", True):
         of_length = variant if duration == WINDOW else {**variant, "samples": round(3 * duration)}
         needs = (denoiser or denoiser_unit(of_length, plan, seed=plan.seed),)
     arguments = {"settings": settings, "split": split_json(split), **plan.source()}
+    if plan.selection != "validation":
+        arguments["selection"] = plan.selection
     named = {"arguments": arguments, "needs": [need.name for need in needs]}
-    return Job(f"network/{_digest(named)}", train_heading_unit, arguments, needs)
+    return Job(f"network/{digest(named)}", train_heading_unit, arguments, needs)
+
+
+def heading_settings(variant: Variant, plan: StudyPlan, *, seed: int, duration: float = WINDOW) -> dict:
+    """The settings of a variant's heading network, with no more epochs than the plan allows."""
+    settings = merged({"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}, variant)
+    if plan.epochs is not None:
+        settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
+    return settings
 
 
 def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: dict | None = None) -> Result:
@@ -115,15 +123,29 @@ def train_denoiser_unit(*, settings: dict, real: dict | None, seed: int, data: d
     return result
 
 
-def train_heading_unit(*needs: Result, settings: dict, split: dict, seed: int, data: dict | None = None) -> Result:
-    """Train a heading network on a split of the twin; headings of all parts after training."""
+def train_heading_unit(
+    *needs: Result,
+    settings: dict,
+    split: dict,
+    seed: int,
+    data: dict | None = None,
+    selection: Selection = "validation",
+) -> Result:
+    """Train a heading network on a split of the recordings; headings of all parts after training.
+
+    `selection` is what chooses the epoch: `test` puts the tested recordings in the place of validation, `leak` another
+    window of them among the training data, and `last` chooses nothing.
+    """
     from gyronorth.learn.settings import Settings
     from gyronorth.learn.stages import train_heading
 
     checked = Settings.model_validate(settings)
     parts = split_data(split, recordings_of(seed, data), checked)
+    given = split_data(split, recordings_of(seed, data), checked, leak=True) if selection == "leak" else parts
+    if selection == "test" and parts.test is not None:
+        given = replace(parts, validation=parts.test)
     denoiser = rebuilt(needs[0], checked) if needs else None
-    trained = train_heading(checked, parts, denoiser)
+    trained = train_heading(checked, given, denoiser, last=selection == "last")
     result: Result = {
         "epochs": trained.progress.epoch,
         "best_epoch": trained.progress.best_epoch,
@@ -153,14 +175,31 @@ def circle_error(trained: TrainedHeading) -> list[float | None]:
     return _degrees(angle_error(trained.headings_of_clean(clean.gyro_l), clean.heading))
 
 
-def split_data(split: dict, recordings: Twin, settings: Settings) -> TrainingData:
-    """The first window of each recording, in the parts of a split (IV-A: one of 100 s each)."""
+def split_data(split: dict, recordings: Twin, settings: Settings, *, leak: bool = False) -> TrainingData:
+    """The first window of each recording, in the parts of a split (IV-A: one of 100 s each).
+
+    With `leak` the second window of the tested recordings is among the training data, a fault of many evaluations.
+
+    Raises
+    ------
+    InputError
+        If a recording has no second window.
+    """
     from gyronorth.learn.data import HeadingSet, TrainingData
 
     gyro_l, heading, recording = recordings.windows(settings.samples / recordings.rate_hz)
-    first = np.unique(recording, return_index=True)[1]
-    whole = HeadingSet(gyro_l[first], heading[first], recording[first])
-    parts = [whole.rows(split[name]) for name in PARTS]
+    first, windows = np.unique(recording, return_index=True, return_counts=True)[1:]
+    whole = HeadingSet(gyro_l, heading, recording)
+    known = first[split["train"]]
+    if leak and windows.min() < 2:
+        window = settings.samples / recordings.rate_hz
+        raise InputError(
+            f"The recordings last {recordings.duration:g} s; two windows of {window:g} s are needed to train "
+            "on another window of the tested recordings. Leave the selection leak out."
+        )
+    if leak:
+        known = np.concatenate([known, first[split["test"]] + 1])
+    parts = [whole.rows(index) for index in (known, first[split["validation"]], first[split["test"]])]
     return TrainingData(parts[0], parts[1], test=parts[2], latitude=LATITUDE)
 
 
@@ -230,7 +269,8 @@ def split_json(split: Split) -> dict:
     return {name: np.sort(getattr(split, name)).tolist() for name in PARTS}
 
 
-def _digest(content: object) -> str:
+def digest(content: object) -> str:
+    """Short checksum of plain data: the name of a unit."""
     import hashlib
 
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]

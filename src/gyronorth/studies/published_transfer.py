@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import cos
 
 import numpy as np
@@ -12,8 +13,9 @@ from gyronorth.angles import angle_error, wrap_heading
 from gyronorth.deviation import fit_deviation, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import bootstrap_ratio, coverage
-from gyronorth.published import DURATION, LATITUDE, SESSION, fit_noise, published
+from gyronorth.published import DURATION, LATITUDE, SESSION, fit_noise, model_based, published
 from gyronorth.studies.methods import as_rad, bias_deviation, deg_per_hour
+from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Job, Result
@@ -24,36 +26,53 @@ TESTED = 200
 _SIZES = (12, 24, 60)
 
 
-def _published_bias() -> float:
-    figures = published()
-    return bias_deviation(figures.heading_true, figures.mean_rate)
+@dataclass(frozen=True)
+class _Figures:
+    """What is taken from the real recordings."""
+
+    heading_mean: NDArray  # (m,) rad
+    mean_rate: NDArray  # (m, 3) rad/s
+    heading_true: NDArray  # (m,) rad
+    duration: float  # s
+    arw: float  # rad/sqrt(s)
+
+    @property
+    def bias(self) -> float:
+        """Standard deviation of the horizontal bias per axis, rad/s."""
+        return bias_deviation(self.heading_true, self.mean_rate)
 
 
-def _simulated(count: int, rng: np.random.Generator) -> tuple[NDArray, NDArray, NDArray]:
+def _figures(seed: int, data: dict | None = None) -> _Figures:
+    if data is None:
+        found = published()
+        return _Figures(found.heading_mean, found.mean_rate, found.heading_true, DURATION, fit_noise().arw)
+    own = recordings_of(seed, data)
+    return _Figures(model_based(own.gyro_l), own.gyro_l.mean(axis=1), own.heading_true, own.duration, own.arw)
+
+
+def _simulated(real: _Figures, count: int, rng: np.random.Generator) -> tuple[NDArray, NDArray, NDArray]:
     """Heading of the mean rate, its surplus and the true heading of recordings with random biases and white noise."""
     heading = rng.uniform(0, 2 * np.pi, count)
     rate = EARTH_RATE * cos(LATITUDE) * np.stack([np.cos(heading), -np.sin(heading)], axis=1)
-    spread = np.hypot(_published_bias(), fit_noise().arw / np.sqrt(DURATION))
+    spread = np.hypot(real.bias, real.arw / np.sqrt(real.duration))
     rate = rate + spread * rng.standard_normal(rate.shape)
     return wrap_heading(np.arctan2(-rate[:, 1], rate[:, 0])), rate_surplus(rate, LATITUDE), heading
 
 
-def no_structure(*, known: int, tested: int, seed: int) -> dict:
+def no_structure(*, known: int, tested: int, seed: int, data: dict | None = None) -> dict:
     """Learn from `known` simulated recordings with biases that cannot be learnt; apply to others with others."""
-    rng = np.random.default_rng([seed, known])
-    heading, surplus, truth = _simulated(known, rng)
+    rng, real = np.random.default_rng([seed, known]), _figures(seed, data)
+    heading, surplus, truth = _simulated(real, known, rng)
     model = fit_deviation(heading, surplus, truth)
-    heading, surplus, truth = _simulated(tested, rng)
+    heading, surplus, truth = _simulated(real, tested, rng)
     return _judged(angle_error(heading, truth), *model.predict(heading, surplus))
 
 
-def other_set(*, declared: bool, tested: int, seed: int) -> dict:
-    """Learn from the 60 published recordings; apply to simulated ones, with or without saying that they are others."""
-    figures = published()
-    model = fit_deviation(
-        figures.heading_mean, rate_surplus(figures.mean_rate, LATITUDE), figures.heading_true, session=SESSION
-    )
-    heading, surplus, truth = _simulated(tested, np.random.default_rng(seed))
+def other_set(*, declared: bool, tested: int, seed: int, data: dict | None = None) -> dict:
+    """Learn from the real recordings; apply to simulated ones, with or without saying that they are others."""
+    real = _figures(seed, data)
+    model = fit_deviation(real.heading_mean, rate_surplus(real.mean_rate, LATITUDE), real.heading_true, session=SESSION)
+    heading, surplus, truth = _simulated(real, tested, np.random.default_rng(seed))
     return _judged(angle_error(heading, truth), *model.predict(heading, surplus, in_set=not declared))
 
 
@@ -66,13 +85,18 @@ def _judged(error: NDArray, expected: NDArray, sigma: NDArray) -> dict:
 
 
 def _units(plan: StudyPlan) -> list[Job]:
+    source = plan.source()
     units = [
-        Job(f"no_structure/{known}-{i:03d}", no_structure, {"known": known, "tested": TESTED, "seed": plan.seed + i})
+        Job(
+            f"no_structure/{known}-{i:03d}",
+            no_structure,
+            {"known": known, "tested": TESTED, **source, "seed": plan.seed + i},
+        )
         for known in _SIZES
         for i in range(SETS)
     ]
     for declared in (True, False):
-        arguments = {"declared": declared, "tested": SETS * TESTED, "seed": plan.seed}
+        arguments = {"declared": declared, "tested": SETS * TESTED, **source}
         units.append(Job(f"other_set/{'declared' if declared else 'undeclared'}", other_set, arguments))
     return units
 
@@ -97,11 +121,13 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         for known in _SIZES
     ]
     for key, label in (("declared", "said to be another"), ("undeclared", "taken for the same")):
-        rows.append(_row(f"published curve on another set, {label}", [results[f"other_set/{key}"]], plan.seed))
-    bias = deg_per_hour(_published_bias())
+        whose = "published" if plan.data is None else "these recordings'"
+        rows.append(_row(f"{whose} curve on another set, {label}", [results[f"other_set/{key}"]], plan.seed))
+    real = _figures(**plan.source())
+    bias = deg_per_hour(real.bias)
     text = (
-        f"Simulated recordings of {DURATION:g} s with white noise and a bias of {bias:.2f} deg/h per axis drawn anew "
-        "for each: nothing can be learnt, and the correction should do no harm. Then the curve of the published set on "
+        f"Simulated recordings of {real.duration:g} s with white noise and a bias of {bias:.2f} deg/h per axis drawn "
+        "anew for each: nothing can be learnt, and the correction should do no harm. Then the curve of the real set on "
         "such recordings: a deviation belongs to one unit and set. A recording that is not of it is left as it is; "
         "taken for one of it by mistake, it is made worse, and no single recording can tell."
     )

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
+from collections import Counter
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import numpy as np
 from gyronorth.errors import InputError
 from gyronorth.published import Twin, published_twin
 
+_RECORDING = re.compile(r"x_\d+(?:\.\d+)?\.csv", re.IGNORECASE)
 #: Rate of the studies, Hz: the paper's, from 600 Hz by averages of 200 samples, which keep the mean.
 RATE = 3.0
 
@@ -26,15 +30,56 @@ def recordings_of(seed: int, data: dict | None = None) -> Twin:
 
 
 def described(folder: str) -> dict:
-    """Folder and checksum of public recordings, as the argument of a unit of work."""
-    return {"folder": folder, "sha256": _sha256(public_recordings(folder))}
+    """Folder, checksum, sessions and files passed over of public recordings, as the argument of a unit of work."""
+    found = public_set(folder)
+    return {
+        "folder": folder,
+        "sha256": _sha256(found.recordings),
+        "sessions": dict(Counter(found.sessions)),
+        "passed_over": list(found.passed_over),
+    }
+
+
+def about(data: str | None) -> str:
+    """Sentences of what the recordings of a study are: the beginning of its text."""
+    if data is None:
+        return "On the published twin: its biases are real (the printed mean rates), its noise is simulated."
+    found = described(data)
+    count = sum(found["sessions"].values())
+    sessions = ", ".join(f"{name} ({number})" for name, number in found["sessions"].items())
+    text = f"On the {count} recordings in {data}, of the folders {sessions}; biases and noise are theirs."
+    if len(found["sessions"]) > 1:
+        text += " Each folder is taken for a session of its own; splits draw from all of them."
+    if found["passed_over"]:
+        text += f" {passed_over_text(found['passed_over'])}"
+    return text
+
+
+def passed_over_text(names: list[str]) -> str:
+    """What is told of files that are no recordings."""
+    return f"Passed over, being no recordings x_<degrees>.csv: {', '.join(names)}."
+
+
+@dataclass(frozen=True)
+class PublicSet:
+    """Recordings of the published layout."""
+
+    recordings: Twin
+    sessions: tuple[str, ...]  # of each: the folder that it is in
+    passed_over: tuple[str, ...]  # names of files x_*.csv that are no recordings
+
+
+def public_recordings(folder: str) -> Twin:
+    """The recordings of `public_set`."""
+    return public_set(folder).recordings
 
 
 @lru_cache(maxsize=1)
-def public_recordings(folder: str) -> Twin:
+def public_set(folder: str) -> PublicSet:
     """Levelled 3 Hz rates of the published layout (`x_<heading>.csv`), below `folder` at any depth.
 
-    All are cut to the shortest. Their noise is real; its size is taken from first differences.
+    Only files x_<number>.csv are recordings; tables of results such as x_GC_MA.csv are passed over. All are cut to
+    the shortest. Their noise is real; its size is taken from first differences.
 
     Raises
     ------
@@ -45,10 +90,11 @@ def public_recordings(folder: str) -> Twin:
     from gyronorth.conditioning import decimated
     from gyronorth.readers import read
 
-    paths = sorted(Path(folder).rglob("x_*.csv"))
+    named = sorted(Path(folder).rglob("x_*.csv"))
+    paths = [path for path in named if _RECORDING.fullmatch(path.name)]
     if not paths:
         raise InputError(
-            f"{folder} holds no files x_<heading>.csv. Give your clone of "
+            f"{folder} holds no files x_<heading>.csv with a number for the heading. Give your clone of "
             "ansfl/Learning-Based-MEMS-Gyrocompassing or its folder data."
         )
     rates, headings = [], []
@@ -63,7 +109,9 @@ def public_recordings(folder: str) -> Twin:
     samples = min(len(rate) for rate in rates)
     gyro_l = np.stack([rate[:samples] for rate in rates])
     noise = np.sqrt(np.median(np.mean(np.diff(gyro_l, axis=1) ** 2, axis=1)) / 2)
-    return Twin(gyro_l, np.array(headings), RATE, float(noise / np.sqrt(RATE)))
+    twin = Twin(gyro_l, np.array(headings), RATE, float(noise / np.sqrt(RATE)))
+    others = tuple(path.name for path in named if path not in paths)
+    return PublicSet(twin, tuple(path.parent.name for path in paths), others)
 
 
 def _sha256(recordings: Twin) -> str:

@@ -38,6 +38,7 @@ class Report:
     text: str  # what was done, in plain words
     tables: tuple[Table, ...]
     curves: dict[str, Any] = field(default_factory=dict)  # data of the figure, if there is one
+    title: str = ""  # in place of the study's
 
 
 def degrees(interval: Interval) -> Interval:
@@ -60,3 +61,14 @@ def cell_text(cell: Any) -> str:
     if isinstance(cell, float):
         return f"{cell:.3f}" if 1e-3 <= abs(cell) < 1e4 or cell == 0 else f"{cell:.3g}"
     return str(cell)
+
+
+def verdict(found: Interval | float, *, low: float = -np.inf, high: float = np.inf) -> str:
+    """Whether a figure is within its limits, in three words: the third where the interval reaches to both sides."""
+    interval = found if isinstance(found, Interval) else Interval(found, found, found)
+    if low <= interval.low and interval.high <= high:
+        return "holds"
+    if interval.high < low or interval.low > high:
+        return "**does not hold**"
+    ratio = low == -np.inf and interval.low < 1 < interval.high
+    return f"cannot be told{' (the interval contains 1)' if ratio else ''}"

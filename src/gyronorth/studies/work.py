@@ -12,33 +12,19 @@ from __future__ import annotations
 import hashlib
 import json
 import subprocess
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gyronorth.errors import InputError
 from gyronorth.files import write_text
 
-if TYPE_CHECKING:
-    import distributed
-
 SCHEMA = "gyronorth.unit/1"
-#: How often a unit is given to a pool again whose worker died under it.
-ATTEMPTS = 3
 
 Result = dict[str, Any]
 
@@ -79,7 +65,7 @@ def run_units(
     InputError
         If the workers end before their units do.
     """
-    order = _with_needs(units)
+    order = with_needs(units)
     results = {unit.name: result for unit in order if (result := _stored(unit, folder)) is not None}
     waiting = [unit for unit in order if unit.name not in results]
     running: dict[Future[Result], Job] = {}
@@ -112,33 +98,6 @@ def run_units(
     return results
 
 
-@contextmanager
-def executor_on(scheduler: str | None, *, workers: int | None = None) -> Iterator[Executor]:
-    """A pool of local processes, or with the address of a Dask scheduler its cluster.
-
-    Raises
-    ------
-    InputError
-        If Dask is not installed or does not answer.
-    """
-    if scheduler is None:
-        with ProcessPoolExecutor(max_workers=workers, mp_context=_spawn()) as pool:
-            yield pool
-        return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("--scheduler needs Dask, which is not installed. Install gyronorth[scale].") from None
-    try:
-        client = Client(scheduler, timeout=5)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"No Dask scheduler answers at {scheduler} ({error}). Start one or give its address."
-        ) from None
-    with client:
-        yield _DaskPool(client)
-
-
 @cache
 def data_sha256() -> str:
     """Checksum of the published figures that ship with the package."""
@@ -167,45 +126,17 @@ def write_json(path: Path, content: object) -> None:
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-class _DaskPool(Executor):
-    """Units on the workers of a Dask cluster.
-
-    Dask's own `ClientExecutor` asks for the state of a unit after it has fetched the result, and takes
-    the result for an exception if the worker has been lost in between.
-    """
-
-    def __init__(self, client: distributed.Client) -> None:
-        self._client = client
-
-    def submit(self, function: Callable[..., Result], /, *args: Any, **arguments: Any) -> Future[Result]:
-        given: Future[Result] = Future()
-        remote = self._client.submit(function, *args, retries=ATTEMPTS, **arguments)
-        remote.add_done_callback(lambda unit: _hand_over(unit, given))
-        return given
-
-
-def _hand_over(unit: distributed.Future[Result], given: Future[Result]) -> None:
-    from distributed import KilledWorker
-
-    try:
-        given.set_result(unit.result())
-    except (CancelledError, KilledWorker) as error:
-        given.set_exception(BrokenExecutor(str(error)))
-    except Exception as error:
-        given.set_exception(error)
-
-
-def _spawn() -> Any:
-    import multiprocessing
-
-    return multiprocessing.get_context("spawn")  # fork after PyTorch has started threads can hang
-
-
 def _work(unit: Job, needs: list[Result]) -> Result:
     return unit.function(*needs, **unit.arguments)
 
 
-def _with_needs(units: Sequence[Job]) -> list[Job]:
+def finished_units(units: Sequence[Job], folder: Path) -> set[str]:
+    """Names of the units whose results are in the folder already."""
+    return {unit.name for unit in units if _stored(unit, folder) is not None}
+
+
+def with_needs(units: Sequence[Job]) -> list[Job]:
+    """The units and all that they need, each once, needs first."""
     found: dict[str, Job] = {}
 
     def visit(unit: Job) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gyronorth import catalogue
 from gyronorth.alignment.error_budget import horizontal_earth_rate
+from gyronorth.alignment.gates import judge_result
 from gyronorth.alignment.networks.runtime import (
     LoadedBundle,
     bundle_of,
@@ -19,6 +20,8 @@ from gyronorth.alignment.networks.runtime import (
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS, Options
 from gyronorth.alignment.result import Posterior, Result
+from gyronorth.angles import angle_error
+from gyronorth.conditioning import GATE_SIGMA
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.uncertainty import NORMAL_975, SIGMA_UNKNOWN, von_mises
@@ -61,6 +64,7 @@ class Network:
             {"network": np.asarray((posterior.sigma * signal) ** 2)},
             np.asarray(signal),
             judged=METHODS["mean"].solve(problem, Options()).judged,
+            refusals=_contradiction(problem, float(heading), posterior, bundle.name),
             findings=findings,
             bundle=bundle.name,
         )
@@ -73,10 +77,27 @@ def _posterior(bundle: LoadedBundle) -> Posterior:
     metrics = bundle.info.metrics
     part = "test" if metrics.get("test_network_crmse_deg") else "validation"
     error, count = metrics.get(f"{part}_network_crmse_deg"), metrics.get(f"{part}_recordings") or 1.0
-    if error is None:
+    if error is None or not (error > 0 and count >= 1):
         return Posterior.unknown()
     sigma = min(float(np.radians(error) * stdtrit(count, 0.975) / NORMAL_975), SIGMA_UNKNOWN)
     return Posterior.symmetric(*von_mises(np.asarray(1 / sigma**2)))
+
+
+def _contradiction(problem: Problem, heading: float, posterior: Posterior, bundle: str) -> tuple[Finding, ...]:
+    """A heading further from a closed form that can be believed than both sigmas explain."""
+    beside = METHODS["mean"].solve(problem, Options())
+    closed = float(beside.attitude.heading)
+    off = abs(float(angle_error(heading, closed)))
+    limit = GATE_SIGMA * float(np.hypot(posterior.sigma, beside.posterior.sigma))
+    believed = not any(gate.failed for gate in judge_result(problem, beside, METHODS.info("mean").gates))
+    if not (believed and off > limit):
+        return ()
+    message = (
+        f"The bundle {bundle} says {np.degrees(heading):.1f} deg, the mean rate {np.degrees(closed):.1f} deg: "
+        f"{np.degrees(off):.1f} deg apart, where both sigmas allow {np.degrees(limit):.1f} deg. Likely the network was "
+        "trained for another unit or place."
+    )
+    return (Finding("network_contradicts", message, float(np.degrees(off)), float(np.degrees(limit))),)
 
 
 def _own_error(bundle: LoadedBundle) -> tuple[Finding, ...]:

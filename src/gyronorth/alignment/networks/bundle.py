@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,20 +22,28 @@ WINDOW_SLACK = 1e-6
 #: Rates to which longer recordings are averaged down, within a factor of two.
 RATE_STEPS = 4
 
+#: Where the bundles of the package stand.
+_SHIPPED = Path(__file__).parents[2] / "bundles"
+#: Largest file of a bundle, bytes.
+LARGEST = 1 << 28
+
 Positive = Annotated[float, Field(gt=0)]
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class Strict(BaseModel):
     """Immutable, and an unknown key is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Domain(Strict):
     """What the bundle was trained for; `None` means any."""
 
     rate_hz: Positive  # rate of the network's input, Hz; a faster recording is decimated to it
-    samples: Annotated[int, Field(gt=0)]  # length of the window in samples; the shortest one if there are several
+    samples: Annotated[
+        int, Field(gt=0, le=10_000_000)
+    ]  # length of the window in samples; the shortest one if there are several
     #: The longest window, where any length between will do; what is longer is averaged down to no more samples.
     longest_samples: Annotated[int, Field(gt=0)] | None = None
     latitude_deg: float | None = None
@@ -65,7 +74,7 @@ class DenoiserPart(Strict):
     """`denoiser.onnx`: inputs x (n, samples, 3) normalised and t (n,); output the noise."""
 
     file: str = "denoiser.onnx"
-    sha256: str
+    sha256: Sha256
     schedule: Schedule = Schedule()
     sampler: Sampler = Sampler()
     normalisation: Normalisation = Normalisation()
@@ -75,7 +84,7 @@ class HeadingPart(Strict):
     """`heading.onnx`: input angular rate (n, samples, 3) in units of Earth rate, float64; output by `output`."""
 
     file: str = "heading.onnx"
-    sha256: str
+    sha256: Sha256
     output: Literal["degrees", "cos_sin"] = "degrees"
 
 
@@ -83,7 +92,7 @@ class ProposalPart(Strict):
     """`proposal.onnx`: bumps and frequencies of tones, which `gyronorth.alignment.tones.proposals` weighs."""
 
     file: str = "proposal.onnx"
-    sha256: str
+    sha256: Sha256
     sigma_scale: Positive = 1.0  # sigma and interval are widened by this: calibrated on validation recordings
 
 
@@ -91,7 +100,7 @@ class DeviationPart(Strict):
     """`deviation.json`: what the unit's known headings taught of the closed form (`gyronorth.deviation`)."""
 
     file: str = "deviation.json"
-    sha256: str
+    sha256: Sha256
 
 
 class Bundle(Strict):
@@ -110,7 +119,7 @@ class Bundle(Strict):
     metrics: dict[str, float | None] = {}  # in degrees where the name says so
     provenance: dict[str, str] = {}  # code version, libraries, where the data come from
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
     def to_json(self) -> str:
         """The text of `bundle.json`."""
@@ -125,6 +134,17 @@ def read_bundle(folder: str | Path) -> Bundle:
     InputError
         If the folder is no bundle, is of another schema, or a file is missing or changed.
     """
+    return bundle_contents(folder)[0]
+
+
+def bundle_contents(folder: str | Path) -> tuple[Bundle, dict[str, bytes]]:
+    """What `read_bundle` reads, and the files of its parts by name: the bytes whose checksums were compared.
+
+    Raises
+    ------
+    InputError
+        As `read_bundle`.
+    """
     folder = Path(folder)
     path = folder / "bundle.json"
     if not path.is_file():
@@ -133,7 +153,7 @@ def read_bundle(folder: str | Path) -> Bundle:
             "Give --model the folder that `gyronorth train ... -o FOLDER` wrote."
         )
     try:
-        bundle = Bundle.model_validate_json(path.read_bytes())
+        bundle = Bundle.model_validate_json(_content(path))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"
@@ -141,27 +161,50 @@ def read_bundle(folder: str | Path) -> Bundle:
             f"{path}: {where}: {first['msg']} (got {str(first['input'])[:60]!r}). "
             f"A bundle of schema {SCHEMA} is expected; train it again with this version of gyronorth."
         ) from None
+    contents: dict[str, bytes] = {}
     for part in (bundle.denoiser, bundle.heading, bundle.proposal, bundle.deviation):
-        if part is not None and checksum(_inside(folder, part.file)) != part.sha256:
+        if part is None:
+            continue
+        file = _inside(folder, part.file)
+        contents[part.file] = _content(file) if file.is_file() else b""
+        if hashlib.sha256(contents[part.file]).hexdigest() != part.sha256 or not contents[part.file]:
             raise InputError(
-                f"{folder / part.file} does not match its checksum in bundle.json: "
+                f"{file} does not match its checksum in bundle.json: "
                 "the bundle was changed or copied incompletely. Copy or train it again."
             )
-    return bundle
+    return bundle, contents
+
+
+def is_shipped(folder: Path) -> bool:
+    """Whether a bundle is one of those that ship with the package."""
+    return folder.resolve().parent == _SHIPPED.resolve()
 
 
 def shipped_bundle(method: str) -> Path:
-    """Folder of the bundle that ships with the package for a method.
+    """Folder of the bundle of a method: in this package, or in `gyronorth_bundles` if that is installed.
 
     Raises
     ------
     InputError
         If there is none.
     """
-    folder = Path(__file__).parents[2] / "bundles" / method
-    if not (folder / "bundle.json").is_file():
-        raise InputError(f"No bundle for the method {method} ships with this package. Give --model FOLDER.")
-    return folder
+    places = [Path(__file__).parents[2] / "bundles"]
+    extra = find_spec("gyronorth_bundles")
+    if extra is not None and extra.origin is not None:
+        places.append(Path(extra.origin).parent)
+    for place in places:
+        if (place / method / "bundle.json").is_file():
+            return place / method
+    raise InputError(
+        f"There is no bundle for the method {method}: those of `paper` and `baseline` are a package of their own. "
+        "Install it with: pip install 'gyronorth[bundles,learned]', or give --model FOLDER."
+    )
+
+
+def _content(path: Path) -> bytes:
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path} has {path.stat().st_size >> 20} MiB; at most {LARGEST >> 20} are read of a bundle.")
+    return path.read_bytes()
 
 
 def checksum(path: Path) -> str:

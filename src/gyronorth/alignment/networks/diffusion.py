@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 Predict = Callable[[NDArray[np.float32], int], NDArray[np.float32]]
 
+#: Steps of a schedule; the paper has 1000.
+MOST_STEPS = 100_000
 #: Unit of data that are not normalised, rad/s: the recordings of the paper are in deg/s.
 RAW_UNIT = np.pi / 180
 
@@ -32,8 +34,8 @@ class Schedule:
     beta_max: float = 5e-4
 
     def __post_init__(self) -> None:
-        if self.steps < 1:
-            raise ValueError(f"steps is {self.steps}; at least one step is expected.")
+        if not 1 <= self.steps <= MOST_STEPS:
+            raise ValueError(f"steps is {self.steps}; 1 to {MOST_STEPS} steps are expected.")
         if not 0 < self.beta_min <= self.beta_max < 1:
             raise ValueError(
                 f"beta_min, beta_max are {self.beta_min}, {self.beta_max}; 0 < min <= max < 1 is expected."
@@ -74,6 +76,8 @@ class Sampler:
     seed: int = 0  # of the sampling noise
 
     def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"seed is {self.seed}; a number >= 0 is expected.")
         if self.t_back < 0:
             raise ValueError(f"t_back is {self.t_back}; a step >= 0 is expected.")
         if self.jumps is not None and self.jumps < 1:
@@ -132,6 +136,10 @@ class Normalisation:
     kind: Literal["sample", "sequence", "channel", "dataset", "none"] = "sequence"
     mean: float = 0.0  # rad/s, of the data set; used by `dataset` only
     std: float = 1.0  # rad/s
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mean) and 0 <= self.std < np.inf):
+            raise ValueError(f"mean, std are {self.mean}, {self.std}; finite ones are expected, std not negative.")
 
     def moments(self, gyro: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and deviation, rad/s, that broadcast against gyro (n, samples, 3)."""

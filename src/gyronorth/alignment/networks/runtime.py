@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import importlib.util
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,30 +16,27 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.alignment.networks.bundle import (
     WINDOW_SLACK,
     Bundle,
+    DenoiserPart,
+    HeadingPart,
+    ProposalPart,
     RecordingFacts,
+    bundle_contents,
+    is_shipped,
     mismatch,
-    read_bundle,
     shipped_bundle,
 )
 from gyronorth.alignment.networks.diffusion import Predict, denoise, white_noise
+from gyronorth.alignment.networks.network import Arrays, Network, Runner
 from gyronorth.alignment.result import Attitude, Result, unknown
 from gyronorth.alignment.tones.proposals import Amortised, Propose, amortised
 from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimate
-from gyronorth.deviation import DeviationModel, read_deviation
+from gyronorth.deviation import DeviationModel, deviation_of
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.sensor import TriadErrors
 from gyronorth.uncertainty import SIGMA_UNKNOWN
-
-
-class Session(Protocol):
-    """What is used of `onnxruntime.InferenceSession`, which has no types."""
-
-    def run(self, output_names: None, input_feed: Mapping[str, NDArray[Any]]) -> Sequence[NDArray[Any]]:
-        """The outputs of a network."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -46,10 +45,16 @@ class LoadedBundle:
 
     name: str
     info: Bundle
-    denoiser: Session | None
-    heading: Session | None
-    proposal: Session | None = None
+    denoiser: Network | None
+    heading: Network | None
+    proposal: Network | None = None
     deviation: DeviationModel | None = None
+
+    def renew(self) -> None:
+        """Give its networks their time for the next recording."""
+        for network in (self.denoiser, self.heading, self.proposal):
+            if network is not None:
+                network.renew()
 
 
 def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
@@ -58,32 +63,66 @@ def load_bundle(folder: str | Path, *, threads: int = 1) -> LoadedBundle:
     Raises
     ------
     InputError
-        If the folder is not a bundle, or onnxruntime is not installed.
+        If the folder is not a bundle, a network is not what the bundle says, or onnxruntime is not installed.
     """
-    info = read_bundle(folder)
-    try:
-        import onnxruntime  # pyright: ignore[reportMissingTypeStubs]
-    except ImportError:
+    folder = Path(folder)
+    info, contents = bundle_contents(folder)
+    if importlib.util.find_spec("onnxruntime") is None:
         raise InputError(
             "Running a trained bundle needs onnxruntime, which is not installed. "
             "Install it with: pip install 'gyronorth[learned]'."
-        ) from None
+        )
+    trusted = is_shipped(folder)
+
+    def network(part: DenoiserPart | HeadingPart | ProposalPart | None) -> Network | None:
+        if part is None:
+            return None
+        inputs, outputs = _SIGNATURES[type(part)]
+        what = f"{part.file} of the bundle {folder.name}"
+        make = partial(_runner, threads=threads)
+        return Network(contents[part.file], make, inputs=inputs, outputs=outputs, what=what, trusted=trusted)
+
+    return LoadedBundle(
+        folder.name,
+        info,
+        network(info.denoiser),
+        network(info.heading),
+        network(info.proposal),
+        None
+        if info.deviation is None
+        else deviation_of(contents[info.deviation.file], where=str(folder / info.deviation.file)),
+    )
+
+
+#: Names of the inputs of each network, and the number of its outputs.
+_SIGNATURES: dict[type, tuple[tuple[str, ...], int]] = {
+    DenoiserPart: (("x", "t"), 1),
+    HeadingPart: (("rate",), 1),
+    ProposalPart: (("rate", "index", "cycles"), 2),
+}
+
+
+def _runner(content: bytes, *, threads: int) -> Runner:
+    """What runs a network by ONNX Runtime: answers, and the CPU time that they took, s."""
+    import onnxruntime  # pyright: ignore[reportMissingTypeStubs]
+
     library: Any = onnxruntime
     options = library.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
+    options.log_severity_level = 4  # its errors are told by us
+    # Without a second try, which it would announce on standard output.
+    session = library.InferenceSession(content, options, providers=["CPUExecutionProvider"], enable_fallback=0)
 
-    def session(file: str) -> Session:
-        return library.InferenceSession(Path(folder, file), options, providers=["CPUExecutionProvider"])
+    def run(request: Arrays | None) -> Any:
+        start = time.process_time()
+        if request is None:
+            answer: Any = [each.name for each in session.get_inputs()], len(session.get_outputs())
+        else:
+            answer = session.run(None, request)
+        return answer, time.process_time() - start
 
-    return LoadedBundle(
-        Path(folder).name,
-        info,
-        None if info.denoiser is None else session(info.denoiser.file),
-        None if info.heading is None else session(info.heading.file),
-        None if info.proposal is None else session(info.proposal.file),
-        None if info.deviation is None else read_deviation(Path(folder, info.deviation.file)),
-    )
+    return run
 
 
 def bundle_of(method: str, model: str | Path | None) -> LoadedBundle:
@@ -131,8 +170,13 @@ def run(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
     rate = clean(bundle, gyro_l) / EARTH_RATE
     if len(rate) == 0:
         return np.zeros(0)
-    raw = [np.asarray(bundle.heading.run(None, {"rate": one[None]})[0]) for one in rate]
-    return decode(np.concatenate(raw), bundle.info.heading.output)
+    output = bundle.info.heading.output
+    raw: list[NDArray[np.float64]] = []
+    for one in rate:
+        bundle.heading.renew()
+        found = bundle.heading.run({"rate": one[None]})[0]
+        raw.append(bundle.heading.check(found, (1, 1 if output == "degrees" else 2)))
+    return decode(np.concatenate(raw), output)
 
 
 def last_window(bundle: LoadedBundle, gyro_l: ArrayLike, *, rate_hz: float) -> NDArray[np.float64]:
@@ -205,14 +249,15 @@ def solve(
     )
 
 
-def onnx_proposals(session: Session) -> Propose:
+def onnx_proposals(network: Network) -> Propose:
     """The proposals of an exported network."""
 
     def propose(
         rate: NDArray[np.float32], index: NDArray[np.float32], cycles: NDArray[np.float32]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        bump, tone = session.run(None, {"rate": rate[None], "index": index, "cycles": cycles})
-        return bump[0], tone[0]
+        network.renew()
+        bump, tone = network.run({"rate": rate[None], "index": index, "cycles": cycles})
+        return network.check(bump, (1, len(rate)))[0], network.check(tone, (1, len(cycles)))[0]
 
     return propose
 
@@ -241,18 +286,19 @@ def clean(bundle: LoadedBundle, gyro_l: ArrayLike) -> NDArray[np.float64]:
     if part is None or bundle.denoiser is None or len(gyro_l) == 0:
         return gyro_l
     predict = onnx_predictor(bundle.denoiser)
-    cleaned = [
-        denoise(predict, one[None], schedule=part.schedule, sampler=part.sampler, normalisation=part.normalisation)
-        for one in gyro_l
-    ]
+    schedule, sampler, normalisation = part.schedule, part.sampler, part.normalisation
+    cleaned: list[NDArray[np.float64]] = []
+    for one in gyro_l:
+        bundle.renew()
+        cleaned.append(denoise(predict, one[None], schedule=schedule, sampler=sampler, normalisation=normalisation))
     return np.concatenate(cleaned)
 
 
-def onnx_predictor(session: Session) -> Predict:
+def onnx_predictor(network: Network) -> Predict:
     """The noise prediction of an exported denoiser."""
 
     def predict(x: NDArray[np.float32], t: int) -> NDArray[np.float32]:
-        return np.asarray(session.run(None, {"x": x, "t": np.full(len(x), t, dtype=np.int64)})[0])
+        return network.check(network.run({"x": x, "t": np.full(len(x), t, dtype=np.int64)})[0], x.shape)
 
     return predict
 

@@ -35,6 +35,8 @@ _WEEK_S = 604800.0
 #: Bits of the information byte of RAWIMUX and RAWIMUSX.
 _ERROR, _ENCRYPTED = 0x01, 0x02
 _FOOT = 0.3048
+#: Stands for a type of IMU that is none.
+_NO_TYPE = 999
 
 
 @dataclass(frozen=True)
@@ -118,8 +120,8 @@ def _crc(rows: Bytes) -> Index:
 def _layouts(rows: Bytes) -> Index:
     """1000 x number of the log + type of the IMU (0 where the log does not name it)."""
     text, layout = _is_text(rows), np.full(len(rows), OTHER, np.int64)
-    for i in np.flatnonzero(text).tolist():
-        layout[i] = _layout_of_line(rows[i, 1:-9].tobytes())
+    if text.any():
+        layout[text] = _layouts_of_lines(rows[text, 1:-9])
     index = np.flatnonzero(~text)
     if len(index):
         binary = rows[index]
@@ -132,14 +134,36 @@ def _layouts(rows: Bytes) -> Index:
     return layout
 
 
-def _layout_of_line(line: bytes) -> int:
-    log, body = _NAMES.get(line.partition(b",")[0]), line.find(b";") + 1
-    if log is None or line.count(b",", body) != (10 if log in _TYPED else 8):
-        return OTHER
-    if log not in _TYPED:
-        return log * 1000
-    imu = line[body : body + 8].split(b",")[1]
-    return log * 1000 + int(imu) if imu.isdigit() and len(imu) <= 3 else OTHER
+def _layouts_of_lines(lines: Bytes) -> Index:
+    """The same of lines (n, length), without mark and checksum: NAME,header;body."""
+    commas, places = lines == ord(","), np.arange(lines.shape[1])
+    named, first = np.argmax(commas, axis=1), np.argmax(lines == ord(";"), axis=1) + 1
+    first[~(lines == ord(";")).any(axis=1)] = 0
+    in_body = commas & (places >= first[:, None])
+    count = in_body.sum(axis=1)
+    layout = np.full(len(lines), OTHER, np.int64)
+    for name, log in _NAMES.items():
+        size = len(name)
+        if lines.shape[1] <= size:
+            continue
+        ours = (named == size) & (lines[:, :size] == np.frombuffer(name, np.uint8)).all(axis=1)
+        ours &= count == (10 if log in _TYPED else 8)
+        layout[ours] = log * 1000 + (_second_fields(lines[ours], in_body[ours]) if log in _TYPED else 0)
+    return np.where(layout % 1000 == _NO_TYPE, OTHER, layout)
+
+
+def _second_fields(lines: Bytes, in_body: Mask) -> Index:
+    """The number of one to three digits between the first two commas of each body; `_NO_TYPE` where there is none."""
+    start = np.argmax(in_body, axis=1) + 1
+    size = np.argmax(in_body & (np.arange(lines.shape[1]) >= start[:, None]), axis=1) - start
+    number, good = np.zeros(len(lines), np.int64), (size >= 1) & (size <= 3)
+    for place in range(3):
+        within = place < size
+        at = np.minimum(start + place, lines.shape[1] - 1)
+        digit = lines[np.arange(len(lines)), at].astype(np.int64) - ord("0")
+        good &= ~within | ((digit >= 0) & (digit <= 9))
+        number = np.where(within, 10 * number + digit, number)
+    return np.where(good & (number < _NO_TYPE), number, _NO_TYPE)
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:

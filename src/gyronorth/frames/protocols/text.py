@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from gyronorth.arrays import Array, Index
@@ -36,16 +38,24 @@ def hex_at_end(rows: Bytes, digits: int) -> Index:
 
 def texts(rows: Bytes, first: int, last: int) -> list[bytes]:
     """The characters from `first` to `last` (from the end, negative) of each row."""
-    return [row.tobytes() for row in np.ascontiguousarray(rows[:, first : rows.shape[1] + last])]
+    size = max(rows.shape[1] + last - first, 0)
+    data = rows[:, first : first + size].tobytes()
+    return [data[at : at + size] for at in range(0, len(rows) * size, size)] if size else [b""] * len(rows)
 
 
 def numbers(fields: list[list[bytes]], columns: slice | list[int]) -> Array:
     """Numbers of the columns of split lines, (n, columns); NaN for a line in which one is none."""
     picked = [line[columns] if isinstance(columns, slice) else [line[i] for i in columns] for line in fields]
-    try:
-        return np.array(picked, dtype=float)
-    except ValueError:
-        return np.array([[_number(text) for text in line] for line in picked])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # how older versions tell of text that is no number
+        try:
+            values = np.fromstring(b",".join(map(b",".join, picked)).decode("latin-1"), sep=",")
+        except (ValueError, DeprecationWarning):
+            values = np.zeros(0)
+    width = len(picked[0]) if picked else 0
+    if len(values) == width * len(picked) > 0:
+        return values.reshape(len(picked), width)
+    return np.array([[_number(text) for text in line] for line in picked])
 
 
 def _number(text: bytes) -> float:

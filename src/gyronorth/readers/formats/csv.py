@@ -9,99 +9,240 @@ name, x_<heading>.csv. Their files do not say the unit of f: their own notebook 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryFile
 
 import numpy as np
 
 from gyronorth.errors import InputError
-from gyronorth.readers.facts import SIGNATURE, is_number, read_facts
+from gyronorth.readers.asking import columns_text
+from gyronorth.readers.columns import Chosen, by_numbers, by_titles, told
+from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
+from gyronorth.readers.joining import joined
+from gyronorth.readers.layout import TextLayout, sniff
+from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
-from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
+from gyronorth.readers.presets import Preset, matching
+from gyronorth.readers.source import FLAGS, FORCES, NAMES, RATES, TIME, Block, Facts, Parts, Question, Source
+from gyronorth.readers.text import Layout, text_blocks, text_parts
+from gyronorth.readers.text_clock import FoundClock, find_clock
+from gyronorth.readers.titles import Title, take_apart
 
 #: What a live recording states of itself: its last line may be cut off, and marks stand between its rows.
 LIVE_FORMAT = "gyronorth.live/1"
 #: How a line begins that marks a moment in a live recording.
 MARK = b"# mark: "
 COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
+#: How lines begin that are no rows.
+COMMENT_BEGINS = (b"#", b"%", b"//")
 _PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
 _PUBLISHED_TITLES = ("", *RATES, *FORCES)
 _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="frd")
 
 
 def open_csv(path: Path, options: ReadOptions) -> Source:
-    """Open a CSV file."""
-    with TextHead(path) as head:
-        texts = _comments(head)
-        facts, ours = stated_facts(texts, head.name)
-        live = texts.get(SIGNATURE[0], ("", 0))[0] == LIVE_FORMAT
-        line = head.peek()
-        if line is None or not line.strip():
-            raise InputError(f"{path.name} ends before its header; a line such as {','.join(NAMES)} is expected.")
-        titles = _fields(line, head)
-        numeric = all(is_number(title) for title in titles if title) and any(titles)
-        if numeric:
-            header: list[str] | int = len(titles)
-            if not options.columns:
-                raise InputError(
-                    f"{path.name} has no header: its row {head.row + 1} is already numbers. Say which column is "
-                    "which by its number from 0, as in --columns t=0,w_x=1,w_y=2,w_z=3."
-                )
-            titles = [f"column {position}" for position in range(len(titles))]
-        else:
-            head.take()
-            header = titles
-            _reject_other_delimiter(line, titles, head)
-        if ours and not options.columns and tuple(titles) not in (NAMES, (TIME, *RATES)):
-            raise InputError(f"Row {head.row} of {path.name} is not the header that gyronorth wrote: it is damaged.")
-        first_row = head.peek() or ""
-        trailing, titles = _trailing(titles, first_row, numeric)
-        found = choose_columns(header if not numeric else len(titles), options.columns, OUR_TITLES, path.name)
-        offset, row = head.offset, head.row
-    columns = tuple(name for name in NAMES if name in found)
-    layout = Layout(tuple(titles), tuple(found[name] for name in columns), ",", trailing, mark=MARK if live else None)
-    heading = published_heading(path) if tuple(titles) == _PUBLISHED_TITLES else None
-    published = heading is not None and facts == Facts()
-    return Source(
-        format="published" if published else "csv",
+    """Open a text file with columns."""
+    layout = sniff(path)
+    facts, ours = stated_facts(layout.comments, path.name)
+    live = layout.comments.get(SIGNATURE[0], ("", 0))[0] == LIVE_FORMAT
+    titles = layout.titles
+    if titles and layout.rows == () and layout.cut is not None:
+        raise InputError(
+            f"Row {layout.row + 1} of {path.name}: it has {layout.cut} fields; {len(titles)} are expected, "
+            "one for each title of the header."
+        )
+    if ours and not options.columns and titles not in (NAMES, (TIME, *RATES)):
+        row = 1 + (layout.header_row if layout.header_row is not None else layout.row)
+        raise InputError(f"Row {row} of {path.name} is not the header that gyronorth wrote: it is damaged.")
+    heading = published_heading(path) if titles == _PUBLISHED_TITLES and not layout.comments else None
+    if heading is not None:
+        stated, usual, preset = Facts(heading_true=heading), _PUBLISHED, None
+    else:
+        preset = None if ours or not titles else matching(titles, _preamble(layout), path.name)
+        stated, usual = facts, _usual(preset)
+    parts = [take_apart(title, unit) for title, unit in zip_longest(titles, layout.units, fillvalue="")]
+    parts = _named_by_file(parts, path)
+    chosen = _chosen(layout, parts, options, preset, path.name)
+    positions = choose_columns(
+        list(titles) if titles else layout.width, chosen.columns, {}, path.name, needed=options.needed
+    )
+    clock = None
+    if TIME in positions:
+        unit = options.time_unit or ("s" if ours or live else usual_time(preset))
+        known = options.rate_hz or stated.rate_hz or usual.rate_hz
+        clock = find_clock(layout, parts, positions[TIME], unit, known)
+    elif options.time_unit is not None:
+        raise InputError(f"{path.name} has no time column for --time-unit {options.time_unit}; leave it out.")
+    stated = _with_titles(stated, chosen, layout, clock, path.name)
+    columns = tuple(name for name in NAMES if name in positions)
+    names = titles or tuple(f"column {position}" for position in range(layout.width))
+    composed = clock.columns if clock is not None else None
+    flags = tuple(titles.index(name) for name in FLAGS if live and name in titles)
+    use = (*(positions[name] for name in columns if name != TIME or composed is None), *flags)
+    rows = Layout(
+        names, use, layout.delimiter, layout.trailing, mark=MARK if live else None,
+        comments=() if live else (*COMMENT_BEGINS, *_repeated_header(layout)),
+        blank=layout.blank or (clock is not None and not ours and not live),
+        sparse=layout.sparse, decimal=layout.decimal, encoding=layout.encoding, line_end=layout.line_end,
+        end=None if ours or live else layout.end, clock=composed, texts=bool(layout.texts),
+        only=_only(preset, titles),
+    )  # fmt: skip
+    units = {"gyro": options.gyro_unit or stated.gyro_unit or usual.gyro_unit or "unit open",
+             "accel": options.accel_unit or stated.accel_unit or usual.accel_unit or "unit open"}  # fmt: skip
+    as_preset = "" if preset is None else f"{preset.title}; "
+    read_as = as_preset + told(positions, names, units, clock.told if clock else "")
+    words = f"; {layout.words()}" if layout.words() else ""
+    # Lines begin at every other byte only, or some stand for no rows.
+    whole = layout.encoding.startswith("utf-16") or layout.blank or layout.sparse or rows.only is not None
+    source = Source(
+        format="published" if heading is not None else "csv",
         name=path.name,
         columns=columns,
-        blocks=partial(text_blocks, path, offset, row, layout),
-        stated=Facts(heading_true=heading) if published else facts,
-        usual=_PUBLISHED if published else Facts(),
-        clock=Clock(unit=1.0, name=titles[found[TIME]]) if TIME in found else None,
+        blocks=partial(_blocks, path, layout, rows, len(columns)),
+        stated=stated,
+        usual=usual,
+        clock=None if clock is None else clock.clock,
         ours=ours,
-        parts=text_parts(path, offset, row, layout),
+        axes_defined=heading is not None or (preset is not None and "axes" in preset.declared),
+        parts=None if whole else _parts(path, layout, rows, len(columns)),
+        questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
+        read_as="" if ours or live or heading is not None else read_as + words,
     )
+    return source if preset is None else _of_two_kinds(source, preset, layout, path, rows)
+
+
+def _repeated_header(layout: TextLayout) -> tuple[bytes, ...]:
+    """How the header begins, which stands again where logs were joined."""
+    return (layout.header.encode(),) if layout.header else ()
+
+
+def _of_two_kinds(source: Source, preset: Preset, layout: TextLayout, path: Path, rows: Layout) -> Source:
+    """Rows of rates joined with the rows of forces between them, which have the same columns."""
+    if rows.only is None or preset.only is None or not any(row[rows.only[0]] == preset.only[2] for row in layout.rows):
+        return source
+    forces = replace(rows, only=(rows.only[0], preset.only[2]))
+    accel = replace(
+        source,
+        columns=(*(name for name in source.columns if name == TIME), *FORCES),
+        blocks=partial(text_blocks, path, layout.offset, layout.row, forces),
+        read_as="",
+    )
+    return joined(source, accel)
+
+
+def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset: Preset | None, name: str) -> Chosen:
+    """The columns: as declared, and for the rest by preset, titles or numbers."""
+    declared = dict(options.columns or {})
+    if layout.titles:
+        chosen = by_titles(layout, parts, declared, preset)
+        return replace(chosen, columns=chosen.columns | declared)
+    if all(ours in declared for ours in options.needed):
+        return Chosen(declared)
+    lead = f"{name} has no header: its row {layout.row + 1} is already numbers."
+    found = by_numbers(layout, options.needed)
+    if found is None:
+        raise InputError(
+            f"{lead} Say which column is which by its number from 0, as in --columns t=0,w_x=1,w_y=2,w_z=3."
+        )
+    question = found.questions[0]
+    columns = found.columns | declared
+    return Chosen(
+        columns,
+        questions=(Question(f"{lead} By its first rows {question.says}", ("--columns", columns_text(columns))),),
+    )
+
+
+def _with_titles(stated: Facts, chosen: Chosen, layout: TextLayout, clock: FoundClock | None, name: str) -> Facts:
+    """What the file states, with the units and the increments of its titles."""
+    for sensor, of_titles, of_comments in (
+        ("gyro", chosen.gyro_unit, stated.gyro_unit),
+        ("accel", chosen.accel_unit, stated.accel_unit),
+    ):
+        if of_titles and of_comments and of_titles != of_comments:
+            raise InputError(
+                f"{name} states {sensor}_unit {of_comments} in a comment and {of_titles} in its titles: correct one."
+            )
+    both = len(chosen.increments) == 2
+    increments = "both" if both else next(iter(chosen.increments), stated.increments)
+    rate_hz = stated.rate_hz
+    if rate_hz is None and (clock is None or clock.clock.unit is None):
+        rate_hz = layout.rate_hz
+    return replace(
+        stated,
+        gyro_unit=stated.gyro_unit or chosen.gyro_unit,
+        accel_unit=stated.accel_unit or chosen.accel_unit,
+        increments=increments,
+        rate_hz=rate_hz,
+    )
+
+
+def _usual(preset: Preset | None) -> Facts:
+    """What a preset that applies unasked implies: a declaration overrules it."""
+    if preset is None:
+        return Facts()
+    declared = preset.declared
+    return Facts(
+        rate_hz=declared.get("rate_hz"),
+        gyro_unit=declared.get("gyro_unit"),
+        accel_unit=declared.get("accel_unit"),
+        axes=declared.get("axes"),
+        increments=declared.get("increments", False),
+    )
+
+
+def usual_time(preset: Preset | None) -> str | None:
+    """The unit of time of a preset."""
+    return None if preset is None else preset.declared.get("time_unit")
+
+
+def _only(preset: Preset | None, titles: tuple[str, ...]) -> tuple[int, str] | None:
+    """Position and text of the column by which rows of one kind are known."""
+    if preset is None or preset.only is None:
+        return None
+    return titles.index(preset.only[0]), preset.only[1]
+
+
+def _preamble(layout: TextLayout) -> str:
+    return "\n".join(line for _, line in layout.preamble)
+
+
+def _named_by_file(parts: list[Title], path: Path) -> list[Title]:
+    """Columns x, y, z of a file that is named after one sensor."""
+    if any(part.kind in ("gyro", "accel") for part in parts):
+        return parts
+    stem = path.stem.lower()
+    kind = "gyro" if "gyr" in stem else "accel" if "acc" in stem else ""
+    return [replace(part, kind=kind) if kind and part.axis is not None and not part.words else part for part in parts]
+
+
+def _blocks(path: Path, layout: TextLayout, rows: Layout, columns: int) -> Iterator[Block]:
+    return (_flags_apart(block, columns) for block in text_blocks(path, layout.offset, layout.row, rows))
+
+
+def _parts(path: Path, layout: TextLayout, rows: Layout, columns: int) -> Parts:
+    parts = text_parts(path, layout.offset, layout.row, rows)
+    return replace(parts, read=lambda share: _flags_apart(parts.read(share), columns))
+
+
+def _flags_apart(block: Block, columns: int) -> Block:
+    """Of the recording of a unit's frames: what the unit says of its samples stands behind the columns."""
+    if block.values.shape[1] == columns:
+        return block
+    return replace(block, values=block.values[:, :columns], flags=block.values[:, columns:] != 0)
 
 
 def published_heading(path: Path) -> float | None:
     """The true heading, rad, in the name of a published recording; None for another name."""
     match = _PUBLISHED_NAME.fullmatch(path.name)
     return math.radians(float(match[1])) if match and float(match[1]) <= 360 else None
-
-
-def _comments(head: TextHead) -> dict[str, tuple[str, int]]:
-    """The comment lines at the start: key -> (value, row)."""
-    texts: dict[str, tuple[str, int]] = {}
-    while (line := head.peek()) is not None and (line.startswith("#") or not line.strip()):
-        head.take()
-        match = COMMENT.match(line)
-        if match is None:
-            continue
-        if match[1] in texts and texts[match[1]][0] != match[2]:
-            raise InputError(f"Row {head.row} of {head.name} states {match[1]} again, with another value.")
-        texts[match[1]] = (match[2], head.row)
-    return texts
 
 
 def stated_facts(texts: Mapping[str, tuple[str, int]], name: str) -> tuple[Facts, bool]:
@@ -113,32 +254,6 @@ def stated_facts(texts: Mapping[str, tuple[str, int]], name: str) -> tuple[Facts
         If a value is not what its key allows; it names the row and `name`.
     """
     return read_facts({key: text for key, (text, _) in texts.items()}, lambda key: f"Row {texts[key][1]} of {name}")
-
-
-def _fields(line: str, head: TextHead) -> list[str]:
-    try:
-        return [field.strip() for field in next(csv.reader([line]))]
-    except (csv.Error, StopIteration):
-        raise InputError(f"Row {head.row + 1} of {head.name}: its quotation marks do not match.") from None
-
-
-def _reject_other_delimiter(line: str, titles: list[str], head: TextHead) -> None:
-    for delimiter, word in ((";", "semicolons"), ("\t", "tabs"), ("|", "bars")):
-        if line.count(delimiter) > line.count(",") and len(titles) < 4:
-            raise InputError(
-                f"Row {head.row} of {head.name}, the header, has {word} between its fields; commas are expected. "
-                "Save the file with commas between fields and points in numbers."
-            )
-
-
-def _trailing(titles: list[str], first_row: str, numeric: bool) -> tuple[bool, list[str]]:
-    """Whether rows end in a comma with nothing behind it, and the titles without such an empty one."""
-    if titles and not titles[-1] and not numeric:
-        titles = titles[:-1]
-    ends_in_comma = first_row.rstrip().endswith(",")
-    if numeric:
-        return ends_in_comma, titles[:-1] if ends_in_comma else titles
-    return ends_in_comma and first_row.count(",") == len(titles), titles
 
 
 def write_csv(outgoing: RecordingStream, path: Path) -> None:

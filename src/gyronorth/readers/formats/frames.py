@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Literal, cast
 
 import numpy as np
 
@@ -24,16 +25,9 @@ def open_frames(path: Path, options: ReadOptions) -> Source:
     InputError
         If no protocol is recognised, no sample is in the file, or something is declared that frames state themselves.
     """
-    for name, given in (
-        ("--gyro-unit", options.gyro_unit),
-        ("--accel-unit", options.accel_unit),
-        ("--increments", options.increments),
-        ("--columns", options.columns),
-    ):
-        if given:
-            raise InputError(f"{name} does not apply to {path.name}: its frames state their units. Leave it out.")
     protocol = options.protocol or _recognised(path)
-    stream = FrameStream(protocol, Options(rate_hz=options.rate_hz))
+    declared = frame_options(protocol, options, path.name)
+    stream = FrameStream(protocol, declared)
     first = next((samples for samples, _ in _samples(path, stream)), None)
     if first is None:
         raise InputError(
@@ -47,12 +41,54 @@ def open_frames(path: Path, options: ReadOptions) -> Source:
         format="frames",
         name=path.name,
         columns=(TIME, *RATES, *(FORCES if first.accel is not None else ())),
-        blocks=partial(_blocks, path, protocol, options),
-        stated=Facts(gyro_unit="rad/s", accel_unit="m/s2"),
-        usual=Facts(axes=report.axes, rate_hz=None if on_clock else report.rate_hz),
+        blocks=partial(_blocks, path, protocol, declared),
+        stated=SI,
+        usual=usual_facts(report),
+        axes_defined=report.axes is not None,
+        decoded=True,
         clock=Clock(unit=1.0, name="the unit's clock") if on_clock else Clock(unit=None, name="the frames"),
         notes=report.findings,
     )
+
+
+#: What frames are decoded to.
+SI = Facts(gyro_unit="rad/s", accel_unit="m/s2")
+#: Declarations that mean something for frames, and of which protocols.
+DECLARED_OF = {
+    "gyro_unit": ("kvh",),
+    "increments": ("kvh", "stim"),
+    "accel_range_g": ("stim",),
+    "imu": ("novatel",),
+    "accel_unit": (),
+    "columns": (),
+}
+
+
+def usual_facts(report: Report) -> Facts:
+    """What is usual for the protocol: axes, and the rate where the frames carry no time."""
+    return Facts(axes=report.axes, rate_hz=None if report.clock == "unit's clock" else report.rate_hz)
+
+
+def frame_options(protocol: str, options: ReadOptions, name: str) -> Options:
+    """Declarations about a file or a stream as those about its frames.
+
+    Raises
+    ------
+    InputError
+        If one of them does not apply to this protocol, or cannot be.
+    """
+    for field, protocols in DECLARED_OF.items():
+        if getattr(options, field) not in (None, {}) and protocol not in protocols:
+            option = f"--{field.removesuffix('_g').replace('_', '-')}"
+            needed = f"It is for {' and '.join(protocols)}; l" if protocols else "L"
+            raise InputError(
+                f"{option} does not apply to {name}: its {protocol} frames state what it says. {needed}eave it out."
+            )
+    if options.gyro_unit == "deg/h":
+        raise InputError(f"--gyro-unit deg/h is declared of {name}; KVH frames hold rad/s or deg/s.")
+    increments = {None: None, True: "both", False: "none"}.get(options.increments, options.increments)  # type: ignore[call-overload]
+    gyro_unit = cast("Literal['rad/s', 'deg/s'] | None", options.gyro_unit)
+    return Options(options.rate_hz, gyro_unit, increments, options.accel_range_g, options.imu)
 
 
 def _recognised(path: Path) -> str:
@@ -79,10 +115,11 @@ def _samples(path: Path, stream: FrameStream) -> Iterator[tuple[Samples, float]]
         yield samples, 1.0
 
 
-def _blocks(path: Path, protocol: str, options: ReadOptions) -> Iterator[Block]:
-    stream = FrameStream(protocol, Options(rate_hz=options.rate_hz))
+def _blocks(path: Path, protocol: str, options: Options) -> Iterator[Block]:
+    stream = FrameStream(protocol, options)
     for samples, share in _samples(path, stream):
-        yield Block(_table(samples, stream.report), samples.number + 1, Bad.none(), share)
+        flags = np.column_stack([samples.saturated, samples.sensor_fault])
+        yield Block(_table(samples, stream.report), samples.number + 1, Bad.none(), share, flags)
 
 
 def _table(samples: Samples, report: Report) -> np.ndarray:

@@ -1,17 +1,15 @@
 """HDF5 files (.h5, .hdf5), and MATLAB files of version 7.3, which are HDF5.
 
 Ours: datasets `t` (n,), `gyro` (n, 3) and `accel` (n, 3), attributes of the file with the keys and
-texts of the CSV's comment lines. Of other files every column of numbers has a name for
-`--columns`: that of a dataset (n,), NAME[k] of column k in a dataset (n, m), NAME.FIELD of a field in
-a dataset of records. `--variable` takes one dataset, whose columns are then called k or FIELD, or one
-group. MATLAB stores its matrices transposed; they are turned back.
+texts of the CSV's comment lines. Other files: as `gyronorth.readers.arrays` says. MATLAB stores its
+matrices transposed; they are turned back.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.mat5 import DEFLATE_RATIO
-from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
+from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Block, Clock, Parts, Source, blocks_of, rows_block
+from gyronorth.readers.source import RATES, TIME, Block, Parts, Source, blocks_of, rows_block
 
 #: Where the signature may stand: at the start, or behind a block of the user's (MATLAB's text).
 SIGNATURE_OFFSETS = (0, 512, 1024, 2048)
@@ -34,23 +33,8 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 #: Rows per block that is read, and per chunk that is written.
 BLOCK_ROWS, CHUNK_ROWS = 1 << 14, 1 << 12
 _GYRO, _ACCEL = "gyro", "accel"
-_TITLES = OUR_TITLES | {
-    name: (name, f"{dataset}[{axis}]")
-    for dataset, names in ((_GYRO, RATES), (_ACCEL, FORCES))
-    for axis, name in enumerate(names)
-}
-#: Objects looked at, columns of one dataset, and bytes of one chunk: more is no recording.
-MOST_OBJECTS, MOST_COLUMNS, LARGEST_CHUNK = 10_000, 256, 1 << 28
-
-
-@dataclass(frozen=True)
-class _Column:
-    """Where a column of numbers stands."""
-
-    dataset: str  # its path
-    rows: int
-    part: int | str | None = None  # column of a matrix, field of a record, None: the dataset itself
-    transposed: bool = False
+#: Objects looked at, single numbers among them, and bytes of one chunk: more is no recording.
+MOST_OBJECTS, MOST_SINGLE, LARGEST_CHUNK = 10_000, 100, 1 << 28
 
 
 def is_hdf5(path: Path) -> bool:
@@ -65,19 +49,24 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     if not is_hdf5(path):
         raise InputError(f"{path.name} is no HDF5 file: it does not begin as one.")
     with _opened(path) as file:
-        there = _columns(file)
+        there, singles, matlab = _columns(file)
         texts = {key: _text(file.attrs[key]) for key in KEYS if key in file.attrs}
     if not there:
         raise InputError(f"{path.name} holds no dataset of numbers with one or two dimensions; no recording is in it.")
     facts, ours = read_facts(texts, lambda key: f"Attribute {key} of {path.name}")
-    titles = _under(there, options.variable, path.name)
-    found = choose_columns(list(titles), options.columns, _TITLES, path.name)
-    columns = {name: list(titles.values())[found[name]] for name in NAMES if name in found}
-    rows = {name: column.rows for name, column in columns.items()}
-    if len(set(rows.values())) > 1:
-        lengths = ", ".join(f"{name} {count}" for name, count in rows.items())
-        raise InputError(f"The columns of {path.name} differ in length: {lengths} rows.")
-    count = rows[RATES[0]]
+    holds = ", ".join(list(dict.fromkeys(f"{column.array} ({column.rows} rows)" for column in there.values()))[:12])
+    look = partial(_look, path)
+    chosen = choose(there, singles, look, options, path.name, holds=holds, mark="/")
+    columns = chosen.columns
+    count = columns[RATES[0]].rows
+    found = chosen.stated
+    facts = replace(
+        facts,
+        rate_hz=facts.rate_hz or found.rate_hz,
+        gyro_unit=facts.gyro_unit or found.gyro_unit,
+        accel_unit=facts.accel_unit or found.accel_unit,
+        increments=found.increments,
+    )
     _check_size(path, list(columns.values()), count)
     reading = partial(_rows, path, list(columns.values()))
     return Source(
@@ -86,8 +75,11 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
         columns=tuple(columns),
         blocks=partial(_blocks, reading, count),
         stated=facts,
-        clock=Clock(unit=1.0, name=list(titles)[found[TIME]]) if TIME in columns else None,
+        usual=chosen.usual,
+        clock=chosen.clock,
+        questions=chosen.questions,
         ours=ours,
+        read_as=told_of(chosen, turned=not matlab),
         parts=Parts(count, exact=True, block=BLOCK_ROWS, read=partial(_part, reading, count)),
     )
 
@@ -119,89 +111,72 @@ def _opened(path: Path) -> Iterator[Any]:
         yield file
 
 
-def _columns(file: Any) -> dict[str, _Column]:
-    """Every column of numbers by its name."""
+def _columns(file: Any) -> tuple[dict[str, Column], dict[str, float], bool]:
+    """Every column of numbers by its name, single numbers, and whether MATLAB wrote the file."""
     h5py = library("h5py", file.filename, "HDF5")
-    columns: dict[str, _Column] = {}
-    seen = 0
+    columns: dict[str, Column] = {}
+    singles: dict[str, float] = {}
+    seen, matlab = 0, False
 
     def visit(name: str, item: Any) -> bool | None:
-        nonlocal seen
+        nonlocal seen, matlab
         seen += 1
-        if isinstance(item, h5py.Dataset) and item.shape is not None:
-            columns.update(_of_dataset(name, item))
+        if isinstance(item, h5py.Dataset) and item.shape is not None and not _is_odd(item):
+            matlab |= "MATLAB_class" in item.attrs
+            if item.size == 1 and item.dtype.kind in "fiu" and len(singles) < MOST_SINGLE:
+                singles[name] = float(np.asarray(item[()]).reshape(-1)[0])
+            elif item.size != 1:
+                columns.update(_of_dataset(name, item))
         return seen >= MOST_OBJECTS or None  # anything but None ends the visit
 
     file.visititems(visit)
-    return columns
+    return columns, singles, matlab
 
 
-def _of_dataset(name: str, dataset: Any) -> dict[str, _Column]:
-    if dataset.is_virtual or dataset.external or (dataset.chunks and _chunk_bytes(dataset) > LARGEST_CHUNK):
-        return {}
-    shape, matlab = dataset.shape, "MATLAB_class" in dataset.attrs
+def _is_odd(dataset: Any) -> bool:
+    return dataset.is_virtual or dataset.external or (dataset.chunks and _chunk_bytes(dataset) > LARGEST_CHUNK)
+
+
+def _of_dataset(name: str, dataset: Any) -> dict[str, Column]:
     fields = dataset.dtype.names
-    if fields and len(shape) == 1:
-        numbers = [field for field in fields if dataset.dtype[field].kind in "fiu"]
-        return {f"{name}.{field}": _Column(name, shape[0], field) for field in numbers[:MOST_COLUMNS]}
+    if fields and len(dataset.shape) == 1:
+        return columns_of(name, dataset.shape, [field for field in fields if dataset.dtype[field].kind in "fiu"])
     if dataset.dtype.kind not in "fiu":
         return {}
-    if len(shape) == 1:
-        return {name: _Column(name, shape[0])}
-    if len(shape) != 2:
-        return {}
-    rows, width = shape[::-1] if matlab else shape
-    if width == 1:
-        return {name: _Column(name, rows, 0, matlab)}
-    if width > MOST_COLUMNS:
-        return {}
-    return {f"{name}[{k}]": _Column(name, rows, k, matlab) for k in range(width)}
+    return columns_of(name, dataset.shape, turned="MATLAB_class" in dataset.attrs)
 
 
 def _chunk_bytes(dataset: Any) -> int:
     return int(np.prod(dataset.chunks, dtype=float)) * dataset.dtype.itemsize
 
 
-def _under(there: dict[str, _Column], variable: str | None, name: str) -> dict[str, _Column]:
-    """The columns of one dataset or group, by the names that they have in it; all without `variable`."""
-    if variable is None:
-        return there
-    wanted = variable.strip("/")
-    found = {}
-    for title, column in there.items():
-        if column.dataset == wanted:
-            found[title.removeprefix(wanted).strip("[].") or wanted] = column
-        elif column.dataset.startswith(f"{wanted}/"):
-            found[title.removeprefix(f"{wanted}/")] = column
-    if not found:
-        datasets = list(dict.fromkeys(f"{column.dataset} ({column.rows} rows)" for column in there.values()))
-        more = f" and {len(datasets) - 12} more" if len(datasets) > 12 else ""
-        holds = ", ".join(datasets[:12]) + more if datasets else "no dataset of numbers"
-        raise InputError(f"{name} has no variable {variable!r}; it holds {holds}.")
-    return found
-
-
-def _check_size(path: Path, columns: list[_Column], rows: int) -> None:
+def _check_size(path: Path, columns: list[Column], rows: int) -> None:
     """No more rows than the file can hold: a damaged length would go on for ever."""
     if rows * len(columns) > DEFLATE_RATIO * path.stat().st_size:
         raise InputError(f"{path.name} claims {rows} rows, which it cannot hold: it is damaged.")
 
 
-def _rows(path: Path, columns: list[_Column], start: int, stop: int) -> Iterator[NDArray[np.float64]]:
+def _rows(path: Path, columns: list[Column], start: int, stop: int) -> Iterator[NDArray[np.float64]]:
     """Numbers of rows [start, stop), block after block, shape (m, k)."""
     with _opened(path) as file:
         for first in range(start, stop, BLOCK_ROWS):
             last = min(first + BLOCK_ROWS, stop)
-            read = {name: _read(file[name], first, last, columns) for name in {column.dataset for column in columns}}
-            yield np.stack([_picked(read[column.dataset], column) for column in columns], axis=1)
+            read = {name: _read(file[name], first, last, columns) for name in {column.array for column in columns}}
+            yield np.stack([_picked(read[column.array], column) for column in columns], axis=1)
 
 
-def _read(dataset: Any, first: int, last: int, columns: list[_Column]) -> NDArray[Any]:
-    transposed = any(column.transposed for column in columns if column.dataset == dataset.name.strip("/"))
+def _look(path: Path, column: Column) -> NDArray[np.float64]:
+    """The first rows of a column."""
+    with _opened(path) as file:
+        return _picked(_read(file[column.array], 0, min(column.rows, BLOCK_ROWS), [column]), column)
+
+
+def _read(dataset: Any, first: int, last: int, columns: list[Column]) -> NDArray[Any]:
+    transposed = any(column.transposed for column in columns if column.array == dataset.name.strip("/"))
     return dataset[:, first:last].T if transposed else dataset[first:last]
 
 
-def _picked(read: NDArray[Any], column: _Column) -> NDArray[np.float64]:
+def _picked(read: NDArray[Any], column: Column) -> NDArray[np.float64]:
     if column.part is None:
         return read.astype(np.float64, copy=False)
     picked = read[column.part] if isinstance(column.part, str) else read[:, column.part]
@@ -224,4 +199,10 @@ def _text(value: Any) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-FORMAT = Format(format_info("hdf5"), open_hdf5, recognises=lambda head: head.startswith(SIGNATURE), write=write_hdf5)
+FORMAT = Format(
+    format_info("hdf5"),
+    open_hdf5,
+    recognises=lambda head: head.startswith(SIGNATURE),
+    write=write_hdf5,
+    foreign=("h5py",),
+)

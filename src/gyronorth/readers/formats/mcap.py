@@ -15,11 +15,11 @@ from typing import Any
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
+from gyronorth.readers.imu_message import IMU_TYPES
 from gyronorth.readers.library import check_whole, errors_translated, library
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
+from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, ros_messages, ros_texts, topics_source
 from gyronorth.readers.source import Source
 
 _CURE = "If it was recorded until power was lost: mcap recover IN.mcap -o OUT.mcap"
@@ -43,13 +43,15 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
             counts = summary.statistics.channel_message_counts
             times = summary.statistics.message_start_time, summary.statistics.message_end_time
     topics, encodings, other = _topics(channels, counts)
-    topic = choose_topic(topics, options.topic, path.name, other)
     facts = None
     if texts is not None:
         facts, _ = read_facts(texts, lambda _key: f"Metadata record {SIGNATURE[1]} of {path.name}")
-    cdr = _is_cdr(encodings[topic], topic, header.profile, path.name)
-    found = ImuTopic(topic, topics[topic], *times, cdr, partial(_messages, path, topic, indexed))
-    return imu_source(path.name, "mcap", found, facts=facts)
+
+    def make(topic: str) -> ImuTopic:
+        cdr = _is_cdr(encodings[topic], topic, header.profile, path.name)
+        return ImuTopic(topic, topics[topic], *times, cdr, partial(_messages, path, topic, indexed))
+
+    return topics_source(path.name, "mcap", topics, other, make, options, facts=facts)
 
 
 def write_mcap(outgoing: RecordingStream, path: Path) -> None:
@@ -140,4 +142,10 @@ def _messages(
             yield message.log_time, message.data
 
 
-FORMAT = Format(format_info("mcap"), open_mcap, recognises=lambda head: head.startswith(b"\x89MCAP"), write=write_mcap)
+FORMAT = Format(
+    format_info("mcap"),
+    open_mcap,
+    recognises=lambda head: head.startswith(b"\x89MCAP"),
+    write=write_mcap,
+    foreign=("mcap.reader",),
+)

@@ -63,6 +63,7 @@ def open_mt_manager(path: Path, options: ReadOptions) -> Source:
         blocks=partial(text_blocks, path, offset, row, layout),
         stated=Facts(rate_hz=rate_hz),
         usual=Facts(gyro_unit="rad/s", accel_unit="m/s2", axes="flu"),
+        axes_defined=True,
         clock=clock,
         parts=text_parts(path, offset, row, layout),
     )
@@ -79,11 +80,13 @@ def _rate(text: str, head: TextHead) -> float:
 
 
 def _recognises(head: bytes) -> bool:
-    return head.startswith(b"//") or b"PacketCounter\t" in head
+    """Whether comments of MT Manager, or its columns, are at the start of a file."""
+    own = (b"Start Time", b"Update Rate", b"PacketCounter")
+    return b"PacketCounter\t" in head or (head.startswith(b"//") and any(word in head for word in own))
 
 
 FORMAT = Format(
     format_info("mt-manager"),
     open_mt_manager,
-    recognises=lambda head: head.startswith(b"//") or b"PacketCounter\t" in head,
+    recognises=_recognises,
 )

@@ -1,4 +1,4 @@
-"""Our binary files (.npz): a recording bit for bit, in SI and body axes."""
+"""NumPy archives (.npz): ours hold a recording bit for bit, in SI and body axes; others hold arrays with names."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.budget import check_claim
 from gyronorth.readers.format import Format, format_info
+from gyronorth.readers.formats.npy import npy_header, pickled, tables
+from gyronorth.readers.held import held_source
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
@@ -28,28 +31,32 @@ SCHEMA = "gyronorth.recording/1"
 #: Largest array read, bytes.
 LARGEST_ARRAY = 1 << 30
 _BLOCK_ROWS = 1 << 14
-_KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "session", "start_time_utc",
-         "rows_dropped", "gaps")  # fmt: skip
-_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "session", "axes_assumed",
+         "start_time_utc", "rows_dropped", "gaps")  # fmt: skip
 
 
 def open_npz(path: Path, options: ReadOptions) -> Source:
-    """Open a recording that `write` stored as .npz."""
-    if options.columns:
-        raise InputError(f"columns does not apply to {path.name}: an .npz recording names its own arrays.")
+    """Open a recording that `write` stored as .npz, or the arrays of another archive."""
     try:
         with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-            arrays = {key: _member(archive, key, path) for key in _KEYS if f"{key}.npy" in names}
+            names = {name.removesuffix(".npy"): name for name in archive.namelist() if name.endswith(".npy")}
+            ours = "schema" in names
+            arrays = {key: _member(archive, names[key], key, path) for key in names if key in _KEYS or not ours}
     except InputError:
         raise
     except Exception as error:  # zipfile, zlib and numpy raise almost any on damaged files
         detail = " ".join(str(error).split())[:100] or type(error).__name__
         raise InputError(f"{path.name} cannot be read ({detail}): it is damaged, cut off, or no .npz file.") from None
+    if not ours:
+        return _open_foreign(arrays, options, path)
+    if options.columns:
+        raise InputError(f"columns does not apply to {path.name}: an .npz recording names its own arrays.")
+    if options.variable is not None:
+        raise InputError(f"variable does not apply to {path.name}: an .npz recording names its own arrays.")
     if _text(arrays, "schema", path) != SCHEMA:
         raise InputError(
-            f"{path.name} is an .npz file without schema = {SCHEMA!r}: gyronorth did not write it. "
-            "Store the recording as CSV or .mat instead."
+            f"{path.name} is an .npz file whose schema is not {SCHEMA!r}: a later gyronorth wrote it, or another "
+            "program."
         )
     rate_hz = _number(arrays, "rate_hz", path)
     if "gyro_b" not in arrays or rate_hz is None:
@@ -58,6 +65,7 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
     accel = _samples(arrays, "accel_b", path) if "accel_b" in arrays else None
     if accel is not None and len(accel) != len(gyro):
         raise InputError(f"{path.name}: gyro_b has {len(gyro)} samples, accel_b {len(accel)}: it is damaged.")
+    assumed = _text(arrays, "axes_assumed", path)
     return Source(
         format="npz",
         name=path.name,
@@ -67,7 +75,8 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
             rate_hz=rate_hz,
             gyro_unit="rad/s",
             accel_unit="m/s2",
-            axes="frd",
+            axes=None if assumed else "frd",
+            axes_assumed=assumed,
             latitude=_number(arrays, "latitude", path),
             heading_true=_number(arrays, "heading_true", path),
             session=_text(arrays, "session", path),
@@ -77,6 +86,12 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
         ),
         ours=True,
     )
+
+
+def _open_foreign(arrays: dict[str, NDArray[Any]], options: ReadOptions, path: Path) -> Source:
+    held = tables(arrays)
+    holds = ", ".join(f"{key} {array.shape}" for key, array in list(held.items())[:12]) or "no array of numbers"
+    return held_source("npz", path.name, held, {key: array.shape for key, array in held.items()}, options, holds=holds)
 
 
 def write_npz(outgoing: RecordingStream, path: Path) -> None:
@@ -94,6 +109,7 @@ def write_npz(outgoing: RecordingStream, path: Path) -> None:
             "latitude": facts.latitude,
             "heading_true": facts.heading_true,
             "session": facts.session,
+            "axes_assumed": facts.axes_assumed,
             "start_time_utc": facts.start_time_utc,
             "rows_dropped": facts.rows_dropped,
             "gaps": np.array([[gap.start, gap.samples] for gap in facts.gaps], dtype=float).reshape(-1, 2),
@@ -111,20 +127,20 @@ def write_npz(outgoing: RecordingStream, path: Path) -> None:
                 shutil.copyfileobj(file, member, 1 << 20)
 
 
-def _member(archive: zipfile.ZipFile, key: str, path: Path) -> NDArray[Any]:
+def _member(archive: zipfile.ZipFile, member: str, key: str, path: Path) -> NDArray[Any]:
     """One array of the archive; sizes are checked against the file's before anything is allocated."""
-    info = archive.getinfo(f"{key}.npy")
+    info = archive.getinfo(member)
     if info.file_size > min(LARGEST_ARRAY, DEFLATE_RATIO * path.stat().st_size):
         raise InputError(
             f"{path.name}: {key} claims {info.file_size} bytes, which the file cannot hold or which exceed "
             f"{LARGEST_ARRAY >> 20} MiB: it is damaged."
         )
+    check_claim(path.name, key, info.file_size, path.stat().st_size)
     content = BytesIO(archive.read(info))
-    version = np.lib.format.read_magic(content)
-    if version not in _HEADERS:
-        raise ValueError(f"npy version {version}")
-    shape, _, dtype = _HEADERS[version](content)
-    if dtype.kind not in "fiuU" or math.prod(shape) * dtype.itemsize != info.file_size - content.tell():
+    shape, _, dtype = npy_header(content)
+    if dtype.hasobject:
+        raise InputError(pickled(f"{key} of {path.name}"))
+    if math.prod(shape) * dtype.itemsize != info.file_size - content.tell():
         raise ValueError(f"{key} is not the array of numbers or text that its header claims")
     content.seek(0)
     return np.lib.format.read_array(content, allow_pickle=False)

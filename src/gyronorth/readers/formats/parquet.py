@@ -118,7 +118,9 @@ def _batches(
     with _opened(path) as file:
         names = [file.schema_arrow.names[position] for position in positions]
         how = {"batch_size": BLOCK_ROWS, "columns": names, "use_threads": False}
-        for batch in file.iter_batches(**how) if groups is None else file.iter_batches(row_groups=groups, **how):
+        # Group by group: all at once, the library keeps the bytes of the whole file until the last row.
+        numbers = range(file.metadata.num_row_groups) if groups is None else groups
+        for batch in (batch for number in numbers for batch in file.iter_batches(row_groups=[number], **how)):
             columns = [_numbers(batch.column(name), unit, zero) for name, unit in zip(names, units, strict=True)]
             yield np.stack(columns, axis=1)
 
@@ -154,5 +156,9 @@ def _part(reading: partial[Iterator[NDArray[np.float64]]], starts: NDArray[np.in
 
 
 FORMAT = Format(
-    format_info("parquet"), open_parquet, recognises=lambda head: head.startswith(b"PAR1"), write=write_parquet
+    format_info("parquet"),
+    open_parquet,
+    recognises=lambda head: head.startswith(b"PAR1"),
+    write=write_parquet,
+    foreign=("pyarrow.parquet", "pyarrow.types"),
 )

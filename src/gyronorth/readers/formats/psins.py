@@ -72,6 +72,7 @@ def open_psins(path: Path, options: ReadOptions) -> Source:
             heading_true=math.radians(-attitude[2]) % (2 * math.pi) if any(attitude[:3]) else None,
         ),
         usual=Facts(axes="rfu"),
+        axes_defined=True,
         truth_follows_axes=True,
         parts=replace(parts, read=lambda share: _scaled(parts.read(share), units)),
     )

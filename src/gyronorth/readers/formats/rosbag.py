@@ -19,11 +19,11 @@ import numpy as np
 from gyronorth.errors import InputError
 from gyronorth.readers.facts import read_facts
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.imu_message import IMU_TYPES, choose_topic
+from gyronorth.readers.imu_message import IMU_TYPES
 from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, imu_source, ros_messages, ros_texts
+from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, ros_messages, ros_texts, topics_source
 from gyronorth.readers.source import Facts, Source
 
 #: What tells a folder that is a recording of ROS 2.
@@ -48,11 +48,14 @@ def open_rosbag1(path: Path, options: ReadOptions) -> Source:
             for number, count in chunk.connection_counts.items():
                 counts[number] += count
         found = [(each.topic, each.msgtype, counts[each.id]) for each in reader.connections]
-        topic, count = _chosen(path.name, options, found)
         times = int(reader.start_time), int(reader.end_time) - 1
         facts = _facts(reader, path.name)
-    messages = partial(_messages, path, "rosbag1", topic)
-    return imu_source(path.name, "rosbag1", ImuTopic(topic, count, *times, False, messages), facts=facts)
+    topics, other = _counted_topics(found)
+
+    def make(topic: str) -> ImuTopic:
+        return ImuTopic(topic, topics[topic], *times, False, partial(_messages, path, "rosbag1", topic))
+
+    return topics_source(path.name, "rosbag1", topics, other, make, options, facts=facts)
 
 
 def open_rosbag2(path: Path, options: ReadOptions) -> Source:
@@ -111,42 +114,49 @@ def _open_folder(path: Path, options: ReadOptions) -> Source:
     """Topics, numbers and times are those of metadata.yaml; the library would count all messages, a second for 1 GB."""
     with _opened(path, "rosbag2", counted=False) as reader:
         found = [(each.topic, each.msgtype, each.msgcount) for each in reader.connections]
-        topic, count = _chosen(path.name, options, found)
         times = int(reader.start_time), int(reader.end_time) - 1
         # Those that metadata.yaml lists; another one in the folder is none of the recording.
         listed = [storage.path for storage in reader.storage.storages if isinstance(storage, _Unopened)]
         databases = [] if reader.compression_format else listed
         for database in databases:
             _check_whole(database)
-    messages = partial(_from_databases, path.name, databases, topic) if databases else None
-    messages = messages or partial(_messages, path, "rosbag2", topic)
-    return imu_source(path.name, "rosbag2", ImuTopic(topic, count, *times, True, messages))
+    topics, other = _counted_topics(found)
+
+    def make(topic: str) -> ImuTopic:
+        stored = partial(_from_databases, path.name, databases, topic)
+        messages = stored if databases else partial(_messages, path, "rosbag2", topic)
+        return ImuTopic(topic, topics[topic], *times, True, messages)
+
+    return topics_source(path.name, "rosbag2", topics, other, make, options)
 
 
 def _open_database(path: Path, options: ReadOptions) -> Source:
     """A database alone: the messages of many are not counted one by one, topics are drawn."""
     _check_whole(path)
     with _connected(path.name, [path]) as (database,):
+        _check_tables(database, path.name)
         names = database.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()
         (total,) = database.execute("SELECT COUNT(*) FROM messages").fetchone()
         (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
         (stop,) = database.execute("SELECT MAX(timestamp) FROM messages").fetchone()
         exact = total <= MOST_COUNTED or len(names) == 1
         counts = _counted(database) if total <= MOST_COUNTED else _drawn(database, total)
-    topic, count = _chosen(path.name, options, [(name, kind, counts.get(number, 0)) for number, name, kind in names])
-    messages = partial(_from_databases, path.name, [path], topic)
-    return imu_source(path.name, "rosbag2", ImuTopic(topic, count, start or 0, stop or 0, True, messages, exact=exact))
+    topics, other = _counted_topics([(name, kind, counts.get(number, 0)) for number, name, kind in names])
+
+    def make(topic: str) -> ImuTopic:
+        messages = partial(_from_databases, path.name, [path], topic)
+        return ImuTopic(topic, topics[topic], start or 0, stop or 0, True, messages, exact=exact)
+
+    return topics_source(path.name, "rosbag2", topics, other, make, options)
 
 
-def _chosen(name: str, options: ReadOptions, found: list[tuple[str, str, int]]) -> tuple[str, int]:
-    """The topic that is read and the number of its messages, from (topic, type, messages)."""
+def _counted_topics(found: list[tuple[str, str, int]]) -> tuple[dict[str, int], list[str]]:
+    """Topics of Imu messages with the number of messages, and the others as text, from (topic, type, messages)."""
     topics: dict[str, int] = {}
     for topic, kind, count in found:
         if kind in IMU_TYPES:
             topics[topic] = topics.get(topic, 0) + count
-    other = [f"{topic} ({kind})" for topic, kind, _ in found if kind not in IMU_TYPES]
-    topic = choose_topic(topics, options.topic, name, other)
-    return topic, topics[topic]
+    return topics, [f"{topic} ({kind})" for topic, kind, _ in found if kind not in IMU_TYPES]
 
 
 def _facts(reader: Any, name: str) -> Facts | None:
@@ -203,6 +213,8 @@ def _from_databases(
 ) -> Iterator[tuple[int, bytes]]:
     """What `_messages` gives."""
     with _connected(name, databases) as opened:
+        for database in opened:
+            _check_tables(database, name)
         first = [database.execute("SELECT MIN(timestamp) FROM messages").fetchone()[0] for database in opened]
         for i in sorted((i for i, time in enumerate(first) if time is not None), key=lambda i: first[i]):
             yield from opened[i].execute(
@@ -221,6 +233,14 @@ def _connected(name: str, databases: list[Path]) -> Iterator[list[sqlite3.Connec
             uri = f"{path.resolve().as_uri()}?immutable=1"
             opened.append(stack.enter_context(closing(sqlite3.connect(uri, uri=True))))
         yield opened
+
+
+def _check_tables(database: sqlite3.Connection, name: str) -> None:
+    """Only tables are read: a view is a program, which need not end."""
+    kinds = dict(database.execute("SELECT name, type FROM sqlite_master WHERE name IN ('topics', 'messages')"))
+    if set(kinds.values()) != {"table"} or len(kinds) != 2:
+        found = ", ".join(f"{key} is a {kind}" for key, kind in kinds.items()) or "neither is there"
+        raise InputError(f"{name} is no bag of ROS 2: the tables topics and messages are expected; {found}.")
 
 
 def _counted(database: sqlite3.Connection) -> dict[int, int]:
@@ -278,6 +298,7 @@ FORMATS = {
         open_rosbag1,
         recognises=lambda head: head.startswith(b"#ROSBAG "),
         write=write_rosbag1,
+        foreign=("rosbags.rosbag1",),
     ),
-    "rosbag2": Format(format_info("rosbag2"), open_rosbag2),
+    "rosbag2": Format(format_info("rosbag2"), open_rosbag2, foreign=("rosbags.rosbag2",)),
 }

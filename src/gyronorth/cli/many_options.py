@@ -1,0 +1,118 @@
+"""Options shared by the commands that take many recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gyronorth.cli.options import OUTPUT
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from gyronorth.many.sources import Item
+    from gyronorth.many.table import Table
+
+#: Panel of the help text.
+MANY = "Many recordings"
+
+
+def window_steps(text: str) -> tuple[float, float]:
+    """LENGTH or LENGTH:STEP in seconds as (length, step)."""
+    length_text, _, step_text = text.partition(":")
+    try:
+        length = float(length_text)
+        step = float(step_text) if step_text else length
+    except ValueError:
+        length = step = inf
+    if not (0 < length < inf and 0 < step < inf):
+        raise typer.BadParameter(f"{text!r} is not LENGTH or LENGTH:STEP in seconds; example: 300:60")
+    return length, step
+
+
+def worker_count(text: str) -> int:
+    """A whole number of processes, at least 1."""
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
+        raise typer.BadParameter(f"{text!r} is not a number of processes of at least 1; example: 4")
+    return int(text)
+
+
+Sources = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="SOURCE...",
+        help="Recordings, folders of them, patterns such as 'data/**/*.csv', URLs, lists as @files.txt.",
+    ),
+]
+Workers = Annotated[
+    Any,
+    typer.Option(metavar="N", parser=worker_count, help="Work in N processes of this machine.", rich_help_panel=MANY),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Work on the Dask cluster of this scheduler.", rich_help_panel=MANY),
+]
+Resume = Annotated[
+    bool,
+    typer.Option("--resume", help="Go on with the table: only what is missing or has changed.", rich_help_panel=MANY),
+]
+Windows = Annotated[
+    Any,
+    typer.Option(
+        metavar="LENGTH[:STEP]",
+        parser=window_steps,
+        help="A heading for every window of this length, each STEP after the last, seconds.",
+        rich_help_panel=OUTPUT,
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the work is done."""
+
+    scheduler: str | None
+    workers: int | None
+
+    @contextmanager
+    def executor(self) -> Iterator[Executor | None]:
+        """Local processes, a cluster, or None for this process."""
+        from gyronorth.errors import InputError
+
+        if self.scheduler is None and self.workers in (None, 1):
+            yield None
+            return
+        if self.scheduler is not None and self.workers is not None:
+            raise InputError("--workers are processes of this machine; --scheduler has its own. Give one of them.")
+        from gyronorth.many.workers import executor_on
+
+        with executor_on(self.scheduler, workers=self.workers) as executor:
+            yield executor
+
+
+@contextmanager
+def kept_table(path: Path, settings: str, resume: bool, windows: bool) -> Iterator[Table]:
+    """The table that is kept; an interruption tells how to go on."""
+    from gyronorth.many.table import table
+
+    with table(path, settings, resume=resume, windows=windows) as rows:
+        try:
+            yield rows
+        except KeyboardInterrupt:
+            typer.echo(f"{path}.partial keeps what is finished; --resume goes on with it.", err=True)
+            raise
+
+
+def check_not_read(table: Path, items: Sequence[Item]) -> None:
+    """Refuse a table in the place of a recording that is read."""
+    from gyronorth.errors import InputError
+
+    place = table.resolve()
+    if any(Path(item.address).resolve() == place for item in items if Path(item.address).name == table.name):
+        raise InputError(f"{table} is one of the recordings that are read; choose another name.")

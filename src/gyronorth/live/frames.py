@@ -1,0 +1,136 @@
+"""Bytes of a unit's frames to rows: like lines of a stream, but decoded, with the unit's clock and its status."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from gyronorth.findings import Finding
+from gyronorth.frames import FrameStream, Report, Samples
+from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.readers.formats.frames import SI, frame_options, usual_facts
+from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.source import FLAGS, FORCES, RATES, TIME, Facts
+
+#: Title of the unit's temperature in a recording.
+TEMPERATURE = "temperature_degC"
+
+
+class FrameReader:
+    """Takes bytes as they come and returns rows.
+
+    Parameters
+    ----------
+    name : str
+        Of the source, for messages.
+    protocol : str
+        A name of `gyronorth.frames.NAMES`.
+    options : ReadOptions
+        What the user declares.
+
+    Raises
+    ------
+    InputError
+        If the protocol is not known, or something is declared that does not apply to it; later, from `push`, if the
+        stream leaves something open that must be declared.
+    """
+
+    statements = 0  # of comments, which frames do not have
+
+    def __init__(self, name: str, protocol: str, options: ReadOptions) -> None:
+        self.form: Form | None = None
+        self.protocol = protocol
+        self._options = frame_options(protocol, options, name)
+        self._stream = FrameStream(protocol, self._options)
+        self._past = Tally()  # of the streams before this one
+        self._why = ""  # the next rows do not go on from those before
+        self._raw = bytearray()
+        self._raw_anew = True
+
+    @property
+    def tally(self) -> Tally:
+        """What came."""
+        report, past = self._stream.report, self._past
+        return Tally(
+            lines=past.lines + report.samples + report.unusable,
+            garbage=past.garbage + report.unusable,
+            skipped_bytes=past.skipped_bytes + report.skipped,
+            other_frames=past.other_frames + report.other,
+        )
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """What is assumed of the stream."""
+        return self._stream.report.findings
+
+    def facts(self) -> Facts:
+        """What the frames say of themselves."""
+        return SI
+
+    def push(self, data: bytes) -> list[RowBatch]:
+        """The rows that `data` completes."""
+        self._raw += data
+        batches = self._batches(self._stream.feed(data))
+        if any(finding.code == "layout_changed" for finding in self.warnings):
+            self._anew("the unit sends another layout of its frames")
+        return batches
+
+    def end(self) -> list[RowBatch]:
+        """The rows that were held back at the end."""
+        return self._batches(self._stream.finish())
+
+    def cut(self) -> None:
+        """The connection broke. Without a clock in the unit nobody knows for how long."""
+        report = self._stream.report
+        if report.samples and report.clock != "unit's clock":
+            self._anew("the connection broke, and the unit sends no time: the gap is unknown")
+
+    def midway(self) -> None:
+        """What comes next may begin in the middle of a frame: the checksums tell."""
+
+    def begin_raw(self) -> None:
+        """From here on the bytes are to be those of a new file: the configuration, what is not decided, what comes."""
+        self._raw = bytearray(b"".join(self._stream.facts) + self._stream.tail)
+        self._raw_anew = True
+
+    def raw(self) -> tuple[bool, bytes]:
+        """Bytes that came since last asked, and whether they begin a file that replays to the rows from here on."""
+        anew, data = self._raw_anew, bytes(self._raw)
+        self._raw.clear()
+        self._raw_anew = False
+        return anew, data
+
+    def _anew(self, why: str) -> None:
+        facts = self._stream.facts
+        self._past = self.tally
+        self._stream, self._why = FrameStream(self.protocol, self._options, facts), why
+        self._raw, self._raw_anew = bytearray(b"".join(facts)), True
+
+    def _batches(self, samples: Samples | None) -> list[RowBatch]:
+        """Rows in batches, each from one setting of the unit's clock to the next."""
+        if samples is None:
+            return []
+        rows, form = _rows(samples, self._stream.report)
+        self.form = form
+        jumps = np.flatnonzero(samples.jumped).tolist()
+        edges = [0, *(place for place in jumps if place > 0), len(samples)]
+        batches = [RowBatch(form, rows.take(range(first, last))) for first, last in pairwise(edges) if last > first]
+        anew = "the unit's clock was set anew"
+        batches = [replace(batch, why=anew if i > 0 or samples.jumped[0] else "") for i, batch in enumerate(batches)]
+        if self._why:
+            batches[0], self._why = replace(batches[0], why=self._why), ""
+        return batches
+
+
+def _rows(samples: Samples, report: Report) -> tuple[LiveRows, Form]:
+    """Rows of samples, with time from the unit's clock or from the number of the sample."""
+    columns = (TIME, *RATES, *(FORCES if samples.accel is not None else ()))
+    assert samples.t is not None or report.rate_hz is None
+    time = samples.number.astype(float) if samples.t is None else samples.t
+    values = np.column_stack([time, samples.gyro, *([] if samples.accel is None else [samples.accel])])
+    warm = [] if samples.temperature is None else [samples.temperature]
+    extra = np.column_stack([*warm, samples.saturated, samples.sensor_fault]).astype(float)
+    titles = (*columns, *([TEMPERATURE] if warm else []), *FLAGS)
+    return LiveRows(values, None, extra), Form(titles, columns, tuple(range(len(columns))), usual_facts(report))

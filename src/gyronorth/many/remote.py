@@ -1,0 +1,146 @@
+"""Recordings behind a URL: fetched whole into a temporary folder, since most formats seek."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import tempfile
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from gyronorth.errors import InputError
+
+#: How often a file is fetched before its row says that it could not be, and the pause before the second time, s.
+ATTEMPTS, PAUSE = 3, 0.5
+_URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
+
+
+def is_url(address: str) -> bool:
+    """Whether an address is a URL and no path."""
+    return _URL.match(address) is not None
+
+
+def urls_of(url: str) -> list[str]:
+    """The recordings that a URL names: itself, those of a folder, those that match a pattern with `*`.
+
+    Raises
+    ------
+    InputError
+        If fsspec or its part for this protocol is not installed, the place cannot be listed, or holds no recording.
+    """
+    from gyronorth.readers.registry import FORMATS
+
+    if url.startswith("file://") or url.lower().startswith(("http://", "https://")):
+        return [url]
+    filesystem, path = _filesystem(url)
+    try:
+        if "*" in path:
+            found = [filesystem.unstrip_protocol(name) for name in sorted(filesystem.glob(path))]
+        elif filesystem.isdir(path):
+            names = (name for name in sorted(filesystem.find(path)) if not _hidden(name[len(path) :]))
+            known = (name for name in names if PurePosixPath(name).suffix.lower() in FORMATS.suffixes)
+            found = [filesystem.unstrip_protocol(name) for name in known]
+        else:
+            return [url]
+    except Exception as error:
+        raise InputError(f"{url} cannot be listed ({_short(error)}). Check the address and the access to it.") from None
+    if not found:
+        raise InputError(f"{url} holds no recordings. Check the address.")
+    return found
+
+
+@contextmanager
+def at_hand(address: str) -> Generator[Path]:
+    """A path at which the file of a path or URL can be read while the block runs.
+
+    Raises
+    ------
+    InputError
+        If it cannot be fetched in `ATTEMPTS` attempts.
+    """
+    if not is_url(address):
+        yield Path(address)
+    elif address.startswith("file://"):
+        yield Path(unquote(urlsplit(address).path))
+    else:
+        with tempfile.TemporaryDirectory(prefix="gyronorth-") as folder:
+            path = Path(folder, PurePosixPath(unquote(urlsplit(address).path)).name or "recording")
+            _fetch(address, path)
+            yield path
+
+
+def state_of(address: str) -> str:
+    """What the server says of the content of a URL without sending it, `etag:...`; empty where it says nothing."""
+    if not is_url(address) or address.startswith("file://"):
+        return ""
+    filesystem, path = _filesystem(address)
+    try:
+        tag = filesystem.info(path).get("ETag")
+    except Exception:  # fetching it will tell, and tries more than once
+        return ""
+    return f"etag:{str(tag).replace(chr(34), '')}" if tag else ""
+
+
+def checksum_of(path: Path) -> str:
+    """SHA-256 of a file, or of the names and contents of the files of a folder (a bag of ROS 2)."""
+    if path.is_dir():
+        digest = hashlib.sha256()
+        for file in sorted(file for file in path.rglob("*") if file.is_file()):
+            digest.update(os.fsencode(file.relative_to(path)) + b"\0" + checksum_of(file).encode())
+        return f"sha256:{digest.hexdigest()}"
+    with path.open("rb") as file:
+        return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+
+
+def _filesystem(url: str) -> tuple[Any, str]:
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError:
+        raise InputError(
+            f"{url} needs fsspec, which is not installed. Install it with: pip install 'gyronorth[cloud]'."
+        ) from None
+    try:
+        return url_to_fs(url)
+    except ImportError as error:
+        raise InputError(
+            f"{url} needs a package that is not installed ({_short(error)}). Install it beside 'gyronorth[cloud]'."
+        ) from None
+    except ValueError as error:
+        raise InputError(f"{url} cannot be opened: {_short(error)}. Check how it begins, as in s3://.") from None
+
+
+def _fetch(url: str, path: Path) -> None:
+    """Bring a file here, whole."""
+    filesystem, there = _filesystem(url)
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            filesystem.get_file(there, str(path))
+            size = filesystem.info(there).get("size")
+            if size is not None and path.stat().st_size != size:
+                raise ConnectionError(f"{path.stat().st_size} of {size} bytes came")
+            return
+        except FileNotFoundError:
+            raise InputError(f"There is no file {url}.") from None
+        except PermissionError as error:
+            raise InputError(f"{url} may not be read ({_short(error)}). Check the access to it.") from None
+        except Exception as error:  # each protocol has its own
+            filesystem.invalidate_cache()
+            if attempt == ATTEMPTS:
+                raise InputError(
+                    f"{url} could not be fetched in {ATTEMPTS} attempts ({_short(error)}). If the connection was "
+                    "broken, give the command again, with --resume where there is a table."
+                ) from None
+            time.sleep(PAUSE * 2 ** (attempt - 1))
+
+
+def _hidden(path: str) -> bool:
+    return any(part.startswith(".") for part in PurePosixPath(path).parts)
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:160].rstrip(".") or type(error).__name__

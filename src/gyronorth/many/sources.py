@@ -1,0 +1,101 @@
+"""What was named on the command line, or given to the API, as a list of recordings."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from gyronorth.errors import InputError
+from gyronorth.many.remote import is_url, urls_of
+
+
+@dataclass(frozen=True)
+class Item:
+    """A recording of many."""
+
+    name: str  # in the table; no two of a list have the same
+    address: str  # path or URL
+
+
+def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
+    """The recordings that sources name, in the order of these, each once.
+
+    Parameters
+    ----------
+    sources : iterable of str or path
+        Files; folders, with the recordings in them and below; patterns such as `data/**/*.csv`; URLs; lists, as
+        `@files.txt`, one source a line, paths counted from the working folder, empty lines and those that begin
+        with # left out.
+
+    Returns
+    -------
+    list of Item
+        Recordings of a single folder are named from that folder on, others as they were given. A file that is not
+        there is one of them: reading it says so.
+
+    Raises
+    ------
+    InputError
+        If a folder holds no recording, nothing matches a pattern, or a list cannot be read.
+    """
+    from gyronorth.readers import is_bag_folder
+
+    given = [text for source in sources for text in _listed(os.fspath(source))]
+    alone = Path(given[0]) if len(given) == 1 else None
+    base = alone if alone is not None and alone.is_dir() and not is_bag_folder(alone) else None
+    found: dict[str, Item] = {}
+    for address in (address for text in given for address in _found(text)):
+        name = address if base is None else str(Path(address).relative_to(base))
+        item = Item(name.encode("utf-8", "backslashreplace").decode(), address)  # a file name may be no UTF-8
+        found.setdefault(address if is_url(address) else os.path.abspath(address), item)
+    return list(found.values())
+
+
+def names_one(source: str) -> bool:
+    """Whether a source can be one recording only: neither folder nor pattern nor list."""
+    from gyronorth.readers import is_bag_folder
+
+    if is_url(source):
+        return urls_of(source) == [source]
+    if os.path.exists(source):
+        return not os.path.isdir(source) or is_bag_folder(Path(source))
+    return not (source.startswith("@") or glob.has_magic(source))
+
+
+def _listed(source: str) -> Iterator[str]:
+    """A source itself, or those of a list."""
+    if not source.startswith("@") or os.path.exists(source):
+        yield source
+        return
+    try:
+        lines = Path(source[1:]).read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputError(
+            f"The list {source[1:]} cannot be read: {reason}. A text file with one source a line is expected behind @."
+        ) from None
+    named = [text for line in lines if (text := line.strip()) and not text.startswith("#")]
+    if not named:
+        raise InputError(f"The list {source[1:]} names no recordings; one a line is expected.")
+    yield from named
+
+
+def _found(source: str) -> list[str]:
+    """Addresses of the recordings of one source."""
+    from gyronorth.readers import is_bag_folder, recordings_in
+    from gyronorth.readers.registry import natural_order
+
+    if is_url(source):
+        return urls_of(source)
+    if os.path.isdir(source) and not is_bag_folder(Path(source)):
+        return [str(path) for path in recordings_in(source)]
+    if os.path.exists(source) or not glob.has_magic(source):
+        return [source]
+    matching = sorted(map(Path, glob.glob(source, recursive=True)), key=natural_order)
+    files = [str(path) for path in matching if not path.is_dir() or is_bag_folder(path)]
+    if not files:
+        raise InputError(f"No file matches {source}. Check the pattern; ** stands for folders of any depth.")
+    return files

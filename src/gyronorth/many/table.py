@@ -1,0 +1,314 @@
+"""The table of many recordings: appended to as they are finished, whole at the end, taken up where it was left.
+
+Rows go to a CSV file beside the table, `NAME.partial`, as they come. What stood at the table's place stays until all
+are there; then the rows, in the order of the sources, replace it. A run that was killed leaves the partial file.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from gyronorth.errors import InputError
+from gyronorth.files import written_beside
+from gyronorth.report.tables import COLUMNS, Outcome
+
+#: Columns behind those of every table, and those of a table of windows.
+STAMPS, WINDOW = ("checksum", "settings"), ("start_s", "end_s", "windows")
+#: Columns of text; the others hold numbers, and `valid` true or false.
+TEXTS = ("file", "reasons", "warnings", "method", "sensor", "message", *STAMPS)
+#: How a text begins that a spreadsheet would take for a formula, and an apostrophe, which says that it is none.
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
+
+Row = tuple[str, ...]
+
+
+class Table:
+    """Rows of a table that is being made; use `table`."""
+
+    def __init__(self, path: Path, settings: str, columns: Sequence[str], journal: TextIO | None) -> None:
+        self.columns, self.rows = tuple(columns), dict[str, list[Row]]()
+        self._path, self._settings, self._journal = path, settings, journal
+
+    def add(self, outcomes: Sequence[Outcome]) -> None:
+        """The rows of one recording, in place of those it had."""
+        self._put([_row(outcome, self.columns, len(outcomes)) for outcome in outcomes], write=True)
+
+    def done(self) -> dict[str, str]:
+        """Name -> checksum of the recordings whose rows are complete."""
+        checksum = self.columns.index("checksum")
+        return {name: rows[0][checksum] for name, rows in self.rows.items() if self._complete(rows)}
+
+    def finish(self, names: Sequence[str]) -> None:
+        """Write the table: recordings in this order, behind those of earlier runs that are not among them."""
+        ours = set(names)
+        order = [*(name for name in self.rows if name not in ours), *(name for name in names if name in self.rows)]
+        rows = (row for name in order for row in self.rows[name])
+        (_write_parquet if _is_parquet(self._path) else _write_csv)(self._path, self.columns, rows)
+
+    def column(self, name: str) -> Iterator[str]:
+        """The cells of a column."""
+        place = self.columns.index(name)
+        return (row[place] for rows in self.rows.values() for row in rows)
+
+    def take(self, rows: Iterable[Row], *, write: bool) -> None:
+        """Rows of an earlier run.
+
+        Raises
+        ------
+        InputError
+            If they were made with other settings.
+        """
+        together: dict[str, list[Row]] = {}
+        for row in rows:
+            self._check(row[self.columns.index("settings")])
+            together.setdefault(row[0], []).append(row)
+        for group in together.values():
+            self._put(group, write=write)
+
+    def _put(self, rows: list[Row], *, write: bool) -> None:
+        if not rows:
+            return
+        self.rows[rows[0][0]] = rows
+        if write and self._journal is not None:
+            try:
+                csv.writer(self._journal, lineterminator="\n").writerows([list(map(_guarded, row)) for row in rows])
+                self._journal.flush()
+            except OSError as error:
+                raise InputError(
+                    f"{self._journal.name} cannot be written: {error.strerror or error}. It keeps what is finished: "
+                    "free some space there and go on with --resume."
+                ) from None
+
+    def _complete(self, rows: list[Row]) -> bool:
+        if not rows[0][self.columns.index("checksum")]:
+            return False
+        return "windows" not in self.columns or rows[0][self.columns.index("windows")] == str(len(rows))
+
+    def _check(self, theirs: str) -> None:
+        if theirs == self._settings:
+            return
+        try:
+            old, new = json.loads(theirs), json.loads(self._settings)
+            differ = [n for n in sorted(old | new) if old.get(n) != new.get(n)]
+            what = "; ".join(f"{n} was {_said(old.get(n))}, is now {_said(new.get(n))}" for n in differ)
+        except (ValueError, TypeError):
+            what = "those of the table cannot be read"
+        raise InputError(
+            f"{self._path} was made with other settings: {what}. Give those again to go on with it; or choose another "
+            "name, or leave --resume out, for a new table."
+        )
+
+
+def write_table(path: Path, settings: str, outcomes: Sequence[Outcome]) -> None:
+    """A table that is written at once.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    if _is_parquet(path):
+        _arrow(path)
+    made = Table(path, settings, (*COLUMNS, *STAMPS), None)
+    for outcome in outcomes:
+        made.add([outcome])
+    made.finish([outcome.file for outcome in outcomes])
+
+
+@contextmanager
+def table(path: Path, settings: str, *, resume: bool = False, windows: bool = False) -> Iterator[Table]:
+    """A table to be made at `path`, .parquet or CSV; the partial file goes when the block ends well.
+
+    Parameters
+    ----------
+    path : Path
+        Where it shall be.
+    settings : str
+        `Request.settings()`; rows made with others are refused.
+    resume : bool
+        Go on with the rows that are there.
+    windows : bool
+        Whether each row is a window.
+
+    Raises
+    ------
+    InputError
+        If a partial file is there and `resume` is not given, if what is there is no such table or has other settings,
+        if another run writes to it, or it cannot be written.
+    """
+    columns = (*COLUMNS, *(WINDOW if windows else ()), *STAMPS)
+    if _is_parquet(path):
+        _arrow(path)
+    if path.exists() and not path.is_file():  # a device or a pipe
+        if resume:
+            raise InputError(f"{path} is no file: there is nothing in it to go on with. Leave --resume out.")
+        yield Table(path, settings, columns, None)
+        return
+    partial = path.with_name(f"{path.name}.partial")
+    if partial.exists() and not resume:
+        raise InputError(
+            f"{partial} holds rows of a run that was not finished. Give --resume to go on with it, or remove it."
+        )
+    made = not partial.exists()
+    try:
+        journal = partial.open("a+", newline="", encoding="utf-8", errors="backslashreplace")
+    except OSError as error:
+        raise InputError(f"{partial} cannot be written: {error.strerror or error}.") from None
+    with journal:
+        _lock(journal, partial)
+        try:
+            found = Table(path, settings, columns, journal)
+            _begin(found, path, partial, journal, resume=resume)
+        except BaseException:
+            if made:
+                partial.unlink(missing_ok=True)
+            raise
+        yield found
+        partial.unlink(missing_ok=True)
+
+
+def _begin(found: Table, path: Path, partial: Path, journal: TextIO, *, resume: bool) -> None:
+    """Take the rows that are there, cut off one that was not written whole, write the header."""
+    rows, end = _read_csv(partial, found.columns, torn=True)
+    journal.truncate(end)
+    if end == 0:
+        csv.writer(journal, lineterminator="\n").writerow(found.columns)
+        journal.flush()
+    if resume and path.is_file():
+        old = _read_parquet(path, found.columns) if _is_parquet(path) else _read_csv(path, found.columns)[0]
+        newer = {row[0] for row in rows}
+        found.take((row for row in old if row[0] not in newer), write=True)
+    found.take(rows, write=False)
+
+
+def _read_csv(path: Path, columns: Sequence[str], *, torn: bool = False) -> tuple[list[Row], int]:
+    """Rows of a CSV table, and where the last whole one ends, bytes."""
+    content = path.read_bytes()
+    if not torn:
+        return _parsed(content, path, columns) or [], len(content)
+    end = len(content)
+    while end:
+        end = content.rfind(b"\n", 0, end) + 1
+        rows = _parsed(content[:end], path, columns, torn=True) if end else []
+        if rows is not None:
+            return rows, end
+        end -= 1  # that line feed stood within a cell of a row that was not written whole
+    return [], 0
+
+
+def _parsed(content: bytes, path: Path, columns: Sequence[str], *, torn: bool = False) -> list[Row] | None:
+    """The rows below the header; None where the last one is not whole."""
+    try:
+        header, *rows = list(csv.reader(io.StringIO(content.decode("utf-8"), newline=""), strict=True))
+    except (ValueError, csv.Error):
+        if torn:
+            return None
+        header, rows = [], []
+    if tuple(header) != tuple(columns):
+        raise InputError(
+            f"{path} is no table of this kind: the columns {', '.join(columns)} are expected. Choose another name, or "
+            "leave --resume out."
+        )
+    if rows and len(rows[-1]) != len(columns) and torn:
+        return None
+    if any(len(row) != len(columns) for row in rows):
+        raise InputError(f"{path} is damaged: not all of its rows have {len(columns)} cells. Leave --resume out.")
+    return [tuple(sys.intern(cell.removeprefix("'")) for cell in row) for row in rows]
+
+
+def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
+    with written_beside(path) as part, part.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(list(map(_guarded, row)) for row in rows)
+
+
+def _guarded(cell: str) -> str:
+    """A text that a spreadsheet would take for a formula, made a text again by an apostrophe."""
+    return f"'{cell}" if cell.startswith(FORMULA) and not _is_number(cell) else cell
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _read_parquet(path: Path, columns: Sequence[str]) -> list[Row]:
+    try:
+        content = _arrow(path).read_table(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} cannot be read: {' '.join(str(error).split())[:160]}. Leave --resume out.") from None
+    if tuple(content.column_names) != tuple(columns):
+        raise InputError(f"{path} is no table of this kind. Choose another name, or leave --resume out.")
+    cells = [[_text(value) for value in column.to_pylist()] for column in content.columns]
+    return list(zip(*cells, strict=True))
+
+
+def _write_parquet(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:
+    import pyarrow
+
+    cells = list(zip(*rows, strict=True)) or [()] * len(columns)
+    arrays = []
+    for name, column in zip(columns, cells, strict=True):
+        if name in TEXTS:
+            arrays.append(pyarrow.array(column, pyarrow.string()))
+        elif name == "valid":
+            arrays.append(pyarrow.array([cell == "true" for cell in column], pyarrow.bool_()))
+        elif name == "windows":
+            arrays.append(pyarrow.array([int(cell) for cell in column], pyarrow.int64()))
+        else:
+            arrays.append(pyarrow.array([float(cell) if cell else None for cell in column], pyarrow.float64()))
+    with written_beside(path) as part:
+        _arrow(path).write_table(pyarrow.table(arrays, names=list(columns)), part)
+
+
+def _arrow(path: Path) -> Any:
+    from gyronorth.readers.library import library
+
+    return library("pyarrow.parquet", path.name, "Parquet")
+
+
+def _is_parquet(path: Path) -> bool:
+    return path.suffix.lower() in (".parquet", ".pq")
+
+
+def _row(outcome: Outcome, columns: Sequence[str], windows: int) -> Row:
+    cells = outcome.row() | {"checksum": outcome.checksum, "settings": outcome.settings, "windows": windows}
+    if outcome.window is not None:
+        cells |= {"start_s": outcome.window[0], "end_s": outcome.window[1]}
+    # A text that is no UTF-8 reads back as what is written of it.
+    return tuple(_text(cells.get(name)).encode("utf-8", "backslashreplace").decode() for name in columns)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _said(value: Any) -> str:
+    return "not given" if value is None else str(value)
+
+
+def _lock(journal: TextIO, partial: Path) -> None:
+    """Refuse a second run that would write to the same file, where the system can tell."""
+    try:
+        import fcntl
+    except ImportError:
+        return
+    try:
+        fcntl.flock(journal, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise InputError(f"{partial} is being written by another run. Wait for it, or choose another name.") from None
+    except OSError:  # a disk without locks
+        return

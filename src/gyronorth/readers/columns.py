@@ -1,0 +1,170 @@
+"""Which columns of a text file are angular rate, specific force and time: by declaration, preset, titles or numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gyronorth.readers.asking import columns_text
+from gyronorth.readers.evidence import accel_fits, gyro_fits
+from gyronorth.readers.layout import TextLayout
+from gyronorth.readers.options import OUR_TITLES
+from gyronorth.readers.presets import Preset
+from gyronorth.readers.source import FORCES, RATES, TIME, Question
+from gyronorth.readers.text_clock import choose_clock, numbers
+from gyronorth.readers.titles import Title, Triple, label, triples
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What was found: our name -> title or position, as `options.columns` has it."""
+
+    columns: dict[str, str | int] = field(default_factory=dict)
+    gyro_unit: str | None = None  # that the titles state
+    accel_unit: str | None = None
+    increments: frozenset[str] = frozenset()  # sensors whose titles say so
+    questions: tuple[Question, ...] = ()
+
+
+def by_titles(
+    layout: TextLayout, parts: Sequence[Title], declared: Mapping[str, str | int], preset: Preset | None
+) -> Chosen:
+    """The columns of a file with a header that are not declared."""
+    titles = layout.titles
+    columns: dict[str, str | int] = {} if preset is None else preset.columns(titles)
+    questions: list[Question] = []
+    found = triples(titles, parts)
+    units: dict[str, str | None] = {"gyro": None, "accel": None}
+    increments: set[str] = set()
+    for kind, ours in (("gyro", RATES), ("accel", FORCES)):
+        if any(name in declared for name in ours):
+            given = [_position(declared.get(name), titles) for name in ours]
+            triple = next((each for each in found if list(each.positions) == given), None)
+            units[kind] = _agreed([parts[i].unit for i in given if i is not None])
+            columns |= {name: name for name in ours if name not in declared and name in titles}
+        elif any(name in columns for name in ours):
+            continue
+        elif any(name in titles for name in ours):
+            there = [name for name in ours if name in titles]
+            triple = None
+            units[kind] = _agreed([parts[titles.index(name)].unit for name in there])
+            columns |= {name: name for name in there}
+        else:
+            candidates = [each for each in found if each.kind == kind]
+            # Phones call linear what has gravity taken out.
+            plain = [each for each in candidates if "linear" not in each.label.lower()]
+            candidates = plain or candidates
+            triple = candidates[0] if candidates else None
+            if len(candidates) > 1:
+                questions.append(_which(kind, ours, candidates, titles))
+            if triple is not None:
+                columns |= {name: _name(i, titles) for name, i in zip(ours, triple.positions, strict=True)}
+                units[kind] = triple.unit
+        if triple is not None and triple.increments:
+            increments.add(kind)
+    if TIME not in declared and TIME not in columns:
+        exact = [title for title in OUR_TITLES[TIME] if titles.count(title) == 1]
+        position = titles.index(exact[0]) if exact and titles.index(exact[0]) not in _taken(columns, titles) else None
+        position = choose_clock(layout, parts) if position is None else position
+        if position is not None:
+            columns[TIME] = _name(position, titles)
+    if questions:  # one --columns for all
+        text = columns_text({**{k: v for k, v in columns.items() if k != TIME}, **declared})
+        questions[-1] = Question(questions[-1].says, ("--columns", text), certain=False)
+    return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), tuple(questions))
+
+
+def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | None:
+    """The columns of a file without titles, by what their numbers do; None where these do not tell what is needed."""
+    values = np.column_stack([numbers(layout, position) for position in range(layout.width)])
+    usable = np.asarray(np.isfinite(values).all(axis=0))
+    time, interval = _time_column(layout, values, usable)
+    rate_hz = None if interval is None else 1 / interval
+    free = [i for i in range(layout.width) if usable[i] and i != time]
+    starts = [i for i in range(layout.width - 2) if all(k in free for k in (i, i + 1, i + 2))]
+    vertical = [i for i in starts if accel_fits(values[:, i : i + 3], rate_hz) and _steady(values[:, i : i + 3])]
+    vertical = [i for i in vertical if i - 1 not in vertical or i - 2 in vertical] or vertical
+    accel = vertical[0] if vertical else None
+    if needed == FORCES and accel is None and len(starts) == 1:
+        accel = starts[0]
+    rates = [i for i in starts if accel is None or abs(i - accel) >= 3]
+    near = [i for i in rates if any(fit.certain for fit in gyro_fits(values[:, i : i + 3], rate_hz))]
+    beside = [i for i in rates if accel is not None and abs(i - accel) == 3]
+    gyro = (near or beside or (rates if len(rates) == 1 else []))[:1]
+    if needed == FORCES:
+        gyro = []
+    if accel is None if needed == FORCES else (not gyro or (accel is None and len(rates) != 1 and not near)):
+        return None
+    columns: dict[str, str | int] = {} if time is None else {TIME: time}
+    columns |= dict(zip(RATES, range(gyro[0], gyro[0] + 3), strict=True)) if gyro else {}
+    if accel is not None:
+        columns |= dict(zip(FORCES, range(accel, accel + 3), strict=True))
+    described = [] if time is None else [f"column {time} is like a clock"]
+    described += [f"columns {gyro[0]} to {gyro[0] + 2} like angular rate"] if gyro else []
+    described += [f"columns {accel} to {accel + 2} like specific force" if accel is not None else "none like gravity"]
+    return Chosen(columns, questions=(Question(f"{', '.join(described)}.", ("--columns", columns_text(columns))),))
+
+
+def told(columns: Mapping[str, int], titles: Sequence[str], units: Mapping[str, str], clock: str) -> str:
+    """What each column was taken for, for people."""
+    parts = []
+    for word, ours, kind in (("gyro", RATES, "gyro"), ("acceleration", FORCES, "accel")):
+        if ours[0] in columns:
+            name = label(titles[columns[ours[0]]], titles[columns[ours[2]]])
+            unit = units.get(kind, "")
+            parts.append(f"{word}: {name}" + (f" ({unit})" if unit and not name.endswith((")", "]")) else ""))
+    return ", ".join([*parts, f"clock: {clock}" if clock else "no clock"])
+
+
+def _which(kind: str, ours: tuple[str, ...], candidates: Sequence[Triple], titles: Sequence[str]) -> Question:
+    word = "angular rate" if kind == "gyro" else "specific force"
+    listed = "; ".join(
+        columns_text({name: _name(i, titles) for name, i in zip(ours, each.positions, strict=True)})
+        for each in candidates
+    )
+    return Question(f"{len(candidates)} triples may be the {word}: {listed}. Which one is meant?", (), certain=False)
+
+
+def _name(position: int, titles: Sequence[str]) -> str | int:
+    """A title, or its position where it is there twice or would not read back."""
+    title = titles[position]
+    plain = title and titles.count(title) == 1 and not title.isdigit() and title != "-" and "," not in title
+    return title if plain else position
+
+
+def _position(wanted: str | int | None, titles: Sequence[str]) -> int | None:
+    if wanted is None or str(wanted) == "-":
+        return None
+    if wanted in titles:
+        return list(titles).index(str(wanted))
+    return int(wanted) if str(wanted).isdigit() and int(wanted) < len(titles) else None
+
+
+def _taken(columns: Mapping[str, str | int], titles: Sequence[str]) -> list[int | None]:
+    return [_position(wanted, titles) for wanted in columns.values()]
+
+
+def _agreed(units: Sequence[str | None]) -> str | None:
+    return units[0] if units and len(set(units)) == 1 else None
+
+
+def _steady(values: np.ndarray) -> bool:
+    """Whether the norm hardly changes, as that of gravity at rest."""
+    norm = np.linalg.norm(values, axis=1)
+    return bool(norm.std() < 0.2 * norm.mean())
+
+
+def _time_column(layout: TextLayout, values: np.ndarray, usable: np.ndarray) -> tuple[int | None, float | None]:
+    """The first column that runs on as a clock does, and its mean step."""
+    for position in range(layout.width):
+        if position in layout.texts and len(layout.rows) and ":" in layout.rows[0][position]:
+            return position, None
+        if not usable[position] or len(values) < 3:
+            continue
+        step = np.diff(values[:, position])
+        positive = step > 0
+        if positive.mean() > 0.9 and step[positive].std() < 0.9 * step[positive].mean():
+            return position, float(step[positive].mean())
+    return None, None

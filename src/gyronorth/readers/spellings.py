@@ -1,0 +1,80 @@
+"""How people write units: the spellings of titles, unit rows and preambles, as data.
+
+Published in the guide "Files and declarations"; a test reads every line of that table.
+"""
+
+from __future__ import annotations
+
+import re
+
+#: Unit -> its spellings, in lower case, without blanks, dots and brackets, "°" as deg, "^" left out.
+GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
+    "rad/s": ("rad/s", "rad/sec", "rads", "radps", "rad_s", "rads-1", "rads^-1", "radian/s", "radians/s", "radpersec",
+              "radian/sec", "radians/sec", "rad/second", "radians/second", "rad_per_s", "radians_per_second"),
+    "deg/s": ("deg/s", "deg/sec", "degs", "degps", "dps", "deg_s", "degs-1", "degree/s", "degrees/s", "degree/sec",
+              "degrees/sec", "deg/second", "degrees/second", "deg_per_s", "degrees_per_second", "degpersec", "dps_"),
+    "deg/h": ("deg/h", "deg/hr", "deg/hour", "degh", "degph", "dph", "deg_h", "degh-1", "degree/h", "degrees/h",
+              "degrees/hour", "deg_hr"),
+    "mdeg/s": ("mdeg/s", "mdps", "millideg/s", "mdeg/sec", "mdegs", "mdeg_s"),
+    "mrad/s": ("mrad/s", "mrad/sec", "mrads", "mradps", "mrad_s"),
+    "arcsec/s": ("arcsec/s", "as/s", "asec/s", "arcsec/sec", "arcsecond/s", "arcseconds/s", '"/s', "''/s", "arcsec_s"),
+}  # fmt: skip
+ACCEL_SPELLINGS: dict[str, tuple[str, ...]] = {
+    "m/s2": ("m/s2", "m/s^2", "m/s/s", "m/s**2", "ms2", "mps2", "ms-2", "m_s2", "m_s_2", "mss", "m/ss", "m/sec2",
+             "m/sec^2", "mpss", "m/s²", "meters/second^2", "m/second2", "mps_2", "m_s^2", "meterpersec2", "ms^-2"),
+    "g": ("g", "gn", "g0", "gs", "gee", "standard_gravity"),
+    "mg": ("mg", "millig", "milli-g", "mgee"),
+    "ug": ("ug", "microg", "micro-g"),
+    "cm/s2": ("cm/s2", "cm/s^2", "gal", "cms-2"),
+}  # fmt: skip
+#: Angle and velocity a sample, by the unit that their sum over a second has.
+ANGLE_SPELLINGS: dict[str, tuple[str, ...]] = {
+    "rad/s": ("rad", "radian", "radians", "rad/sample"),
+    "deg/s": ("deg", "degree", "degrees", "deg/sample"),
+    "mrad/s": ("mrad",),
+    "arcsec/s": ("arcsec", "arcs", "arcsecond", "arcseconds", "asec", "arcsec/sample"),
+}
+VELOCITY_SPELLINGS: dict[str, tuple[str, ...]] = {
+    "m/s2": ("m/s", "mps", "ms-1", "m/sec", "m_s", "m/s/sample"),
+    "g": ("gs", "g*s", "g·s", "gsec"),
+}
+TIME_SPELLINGS: dict[str, tuple[str, ...]] = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds", "millisec"),
+    "us": ("us", "usec", "usecs", "micros", "microsecond", "microseconds", "microsec"),
+    "ns": ("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds", "nanosec"),
+}
+_PLAIN = str.maketrans(
+    {"°": "deg", "º": "deg", "˚": "deg", "µ": "u", "μ": "u", "²": "2", "⁻": "-", "¹": "1", "−": "-", "·": "",
+     "⋅": "", "*": "", "(": "", ")": "", "[": "", "]": "", "{": "", "}": "", "\ufffd": "deg"}
+)  # fmt: skip
+
+
+def spelled(text: str, spellings: dict[str, tuple[str, ...]]) -> str | None:
+    """The unit that a text spells; None if it spells none of them.
+
+    Examples
+    --------
+    >>> spelled("[rad s^-1]", GYRO_SPELLINGS), spelled("°/s", GYRO_SPELLINGS), spelled("m/s²", ACCEL_SPELLINGS)
+    ('rad/s', 'deg/s', 'm/s2')
+    """
+    plain = re.sub(r"\s+", "", text.strip().translate(_PLAIN)).lower()
+    plain = plain.replace("^-", "-").replace("^", "").rstrip(".")
+    for unit, known in spellings.items():
+        if plain in (spelling.replace("^", "") for spelling in known):
+            return unit
+    return None
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell of a row below the titles holds nothing but a unit."""
+    tables = (GYRO_SPELLINGS, ACCEL_SPELLINGS, ANGLE_SPELLINGS, VELOCITY_SPELLINGS, TIME_SPELLINGS, _OTHERS)
+    return any(spelled(text, table) is not None for table in tables)
+
+
+#: Units of other columns, which a row of units holds too.
+_OTHERS: dict[str, tuple[str, ...]] = {
+    "other": ("", "-", "--", "n/a", "none", "1", "degc", "c", "celsius", "k", "pa", "hpa", "mbar", "kpa", "ut", "t",
+              "gauss", "mgauss", "m", "v", "mv", "hz", "%", "bool", "count", "counts", "lsb", "#", "unitless", "km/h",
+              "utc", "week", "weeks", "h", "min", "ft", "days"),
+}  # fmt: skip

@@ -1,0 +1,196 @@
+"""Which columns of a text file tell the time, and in which unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gyronorth.errors import InputError
+from gyronorth.readers.layout import TextLayout
+from gyronorth.readers.options import TIME_UNITS
+from gyronorth.readers.source import Clock, Question
+from gyronorth.readers.text import ClockColumns
+from gyronorth.readers.times import DAY, WEEK, time_text
+from gyronorth.readers.titles import Title
+
+#: Sample rates, Hz, by which the unit of a time is told where no title states it; no two units share one.
+TOLD_RATES = (25.0, 5000.0)
+#: The same for seconds, which have a point.
+SECONDS_RATES = (0.5, 20000.0)
+#: Largest relative difference of a rate that a time unit gives from the one that is known.
+SAME_RATE = 0.05
+#: The time since 1970 in seconds, from 2001 to 2039; larger by a thousand for each smaller unit.
+EPOCH_S = (1.0e9, 2.2e9)
+#: Words of a title that is seconds of the GPS week.
+OF_THE_WEEK = frozenset(("sow", "tow", "towms"))
+
+
+@dataclass(frozen=True)
+class FoundClock:
+    """The time of a text file."""
+
+    clock: Clock
+    columns: ClockColumns | None  # None: the column at `position`, as it is
+    position: int
+    told: str  # for people
+    question: Question | None = None
+
+
+def find_clock(
+    layout: TextLayout, parts: Sequence[Title], position: int, time_unit: str | None, rate_hz: float | None
+) -> FoundClock:
+    """How the column at `position` tells the time, perhaps together with others.
+
+    Parameters
+    ----------
+    layout : TextLayout
+        The file.
+    parts : sequence of Title
+        Its titles taken apart; none without a header.
+    position : int
+        The column that was found or declared to be the time.
+    time_unit : str or None
+        A declared unit.
+    rate_hz : float or None
+        A stated or declared rate, Hz, which tells the unit too.
+    """
+    title = layout.titles[position] if layout.titles else f"column {position}"
+    part = parts[position] if parts else Title("time", ())
+    if not layout.rows:
+        return FoundClock(Clock(1.0, name=title), None, position, title)
+    if time_unit and part.unit and time_unit != part.unit:
+        raise InputError(f"{title} states {part.unit}; {time_unit} is declared. Leave --time-unit out, or correct it.")
+    if position in layout.texts or ":" in layout.rows[0][position]:
+        return _written(layout, position, title)
+    of_day = {kind: [i for i, each in enumerate(parts) if each.kind == kind] for kind in ("hour", "minute")}
+    if all(len(found) == 1 for found in of_day.values()):
+        hour, minute = of_day["hour"][0], of_day["minute"][0]
+        columns = ClockColumns((hour, minute, position), (3600.0, 60.0, 1.0))
+        return FoundClock(Clock(1.0, DAY, title, known=True), columns, position, f"hours, minutes and {title}")
+    partner = _partner(parts, position)
+    if partner is not None and parts[partner].kind == "week":
+        unit = TIME_UNITS[time_unit or part.unit or "s"]
+        columns = ClockColumns((partner, position), (WEEK, unit))
+        return FoundClock(
+            Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
+        )
+    if partner is not None:
+        columns = ClockColumns((position, partner), (1.0, 1e-9))
+        return FoundClock(
+            Clock(1.0, name=title, known=True), columns, position, f"{title} and {layout.titles[partner]}"
+        )
+    if part.kind == "counter" and time_unit is None:
+        return FoundClock(Clock(None, name=title), None, position, f"{title} (a counter)")
+    unit, question, why = _unit(numbers(layout, position), time_unit, part, title, rate_hz)
+    stated_unit = bool(time_unit or part.unit)
+    wrap = WEEK / unit if set(part.words) & OF_THE_WEEK else None
+    name = {scale: text for text, scale in TIME_UNITS.items()}[unit]
+    stated = "" if f"({name})" in title or f"[{name}]" in title else f" ({name}{why})"
+    return FoundClock(Clock(unit, wrap, name=title, known=stated_unit), None, position, f"{title}{stated}", question)
+
+
+def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:
+    """The column of a file with titles that tells the time best; None without one."""
+    best: tuple[float, int] | None = None
+    for position, part in enumerate(parts):
+        if part.kind not in ("time", "counter") or not layout.rows:
+            continue
+        text = position in layout.texts or ":" in layout.rows[0][position]
+        if text and time_text([row[position] for row in layout.rows if row[position]][:20]) is None:
+            continue
+        if not text and not _runs(numbers(layout, position)):
+            continue
+        score = {"time": 0.0, "counter": 10.0}[part.kind] + 0.01 * position
+        score += 0.0 if part.unit or text or part.words in (("time",), ("t",), ("timestamp",)) else 1.0
+        score += 2.0 if part.unit == "ns" and _partner(parts, position) is None and len(part.words) > 1 else 0.0
+        if best is None or score < best[0]:
+            best = (score, position)
+    return None if best is None else best[1]
+
+
+def numbers(layout: TextLayout, position: int) -> NDArray[np.float64]:
+    """A column of the first rows, NaN where it holds no number."""
+    column = np.full(len(layout.rows), np.nan)
+    for row, fields in enumerate(layout.rows):
+        try:
+            column[row] = float(fields[position].replace(",", ".") if layout.decimal == "," else fields[position])
+        except ValueError:
+            continue
+    return column
+
+
+def _runs(time: NDArray[np.float64]) -> bool:
+    """Whether most values are later than the one before."""
+    step = np.diff(time[np.isfinite(time)])
+    return len(step) == 0 or (float(np.mean(step >= 0)) > 0.8 and bool((step > 0).any()))
+
+
+def _written(layout: TextLayout, position: int, title: str) -> FoundClock:
+    """A column of dates or times of day, with a column of dates before it if there is one."""
+    fields = [row[position] for row in layout.rows if row[position]][:50]
+    positions = (position,)
+    text = time_text(fields)
+    if text is not None and text.form == "time of day" and position > 0:
+        both = time_text([f"{row[position - 1]} {row[position]}" for row in layout.rows if row[position]][:50])
+        if both is not None:
+            text, positions = both, (position - 1, position)
+    if text is None:
+        question = Question(f"{title} is {fields[0][:40] if fields else ''!r}, which is no time.", ("--columns", "t=-"))
+        return FoundClock(Clock(1.0, name=title), None, position, title, question)
+    return FoundClock(
+        Clock(1.0, text.wrap, title, known=True), ClockColumns(positions, text=text), position, f"{title} ({text.form})"
+    )
+
+
+def _partner(parts: Sequence[Title], position: int) -> int | None:
+    """A column that belongs to a time: weeks beside seconds of the week, nanoseconds beside seconds."""
+    if not parts:
+        return None
+    part = parts[position]
+    weeks = [i for i, other in enumerate(parts) if other.kind == "week"]
+    if len(weeks) == 1 and part.kind == "time":
+        return weeks[0]
+    for i, other in enumerate(parts):
+        beside = other.words == part.words and i != position and other.kind == "time"
+        if beside and part.unit == "s" and other.unit == "ns":
+            return i
+    return None
+
+
+def _unit(
+    time: NDArray[np.float64], declared: str | None, part: Title, title: str, rate_hz: float | None
+) -> tuple[float, Question | None, str]:
+    """Seconds in one unit of a time, a question where that is open, and why for people."""
+    if declared or part.unit:
+        return TIME_UNITS[declared or part.unit or "s"], None, ""
+    time = time[np.isfinite(time)]
+    step = np.diff(time)
+    step = step[step > 0]
+    if len(step) == 0:
+        return 1.0, None, ""
+    mean = float((time[-1] - time[0]) / (len(time) - 1))
+    mean = mean if mean > 0 else float(np.median(step))
+    for power, (name, unit) in enumerate(TIME_UNITS.items()):
+        low, high = (bound * 1000.0**power for bound in EPOCH_S)
+        if low <= float(np.median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
+            return unit, None, f", since 1970: {time[0]:.10g}" if name != "s" else ""
+    whole = bool(np.allclose(time, np.rint(time), rtol=0, atol=1e-6))
+    if not whole and SECONDS_RATES[0] <= 1 / mean <= SECONDS_RATES[1]:
+        return 1.0, None, ""
+    by_rate = [unit for unit in TIME_UNITS.values() if rate_hz and abs(1 / (mean * unit) / rate_hz - 1) < SAME_RATE]
+    if by_rate:
+        return by_rate[0], None, f", {rate_hz:g} Hz"
+    if whole and np.allclose(step, 1, rtol=0, atol=1e-6):
+        says = f"{title} counts in whole numbers, each 1 more than the last: milliseconds (1000 Hz), or seconds?"
+        return 1.0, Question(says, ("--time-unit", "ms"), certain=False), ""
+    told = [(name, unit) for name, unit in TIME_UNITS.items() if TOLD_RATES[0] <= 1 / (mean * unit) <= TOLD_RATES[1]]
+    if len(told) == 1:
+        return told[0][1], None, f" by its steps of {mean:.4g}"
+    possible = [name for name, unit in TIME_UNITS.items() if SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]]
+    if not possible:
+        return 1.0, None, ""
+    says = f"{title} advances by {mean:.4g} in each row, in a unit that is not known: {' or '.join(possible)}?"
+    return 1.0, Question(says, ("--time-unit", possible[0]), certain=False), ""

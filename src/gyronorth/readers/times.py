@@ -1,0 +1,86 @@
+"""Times that are written as dates and times of day: a column of texts to seconds."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+from numpy.typing import NDArray
+
+DAY = 86400.0
+#: Week of GPS time, s.
+WEEK = 604800.0
+_CLOCK = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)"
+_ZONE = r"\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?"
+#: Name of a way to write times -> its pattern: date in up to three parts, then hours, minutes, seconds.
+_FORMS = {
+    "date and time": re.compile(rf"^\"?(\d{{4}})[-/.](\d{{1,2}})[-/.](\d{{1,2}})[T ]\s*{_CLOCK}()?{_ZONE}\"?$", re.M),
+    "date (day or month first) and time": re.compile(
+        rf"^\"?(\d{{1,2}})[-/.](\d{{1,2}})[-/.](\d{{4}})[T ,]\s*{_CLOCK}\s*([AaPp][Mm])?{_ZONE}\"?$", re.M
+    ),
+    "time of day": re.compile(rf"^\"?()()(){_CLOCK}\s*([AaPp][Mm])?{_ZONE}\"?$", re.M),
+    "minutes and seconds": re.compile(r"^\"?()()()()(\d{1,2}):(\d{2}[.,]\d+)()\"?$", re.M),
+}
+
+
+@dataclass(frozen=True)
+class TimeText:
+    """How a column of texts tells the time."""
+
+    form: str  # a key of the ways to write times
+    day_first: bool = False  # of a date that ends in its year
+    origin: int = 0  # day from which seconds count, proleptic ordinal
+
+    @property
+    def wrap(self) -> float | None:
+        """Value at which it starts again from 0, s; None for dates."""
+        return {"time of day": DAY, "minutes and seconds": 3600.0}.get(self.form)
+
+    def seconds(self, fields: list[str]) -> NDArray[np.float64] | None:
+        """Seconds from the start of the day `origin`, shape (n,); None if a field is written otherwise."""
+        found = _FORMS[self.form].findall("\n".join(fields))
+        if len(found) != len(fields) or not found:
+            return None if fields else np.zeros(0)
+        columns = list(zip(*found, strict=True))
+        second = [re.sub(r":(\d+)$", r".\1", text).replace(",", ".") for text in columns[5]]
+        time = np.array(second, dtype=float) + 60.0 * np.array(columns[4], dtype=float)
+        if columns[3][0]:
+            hour = np.array(columns[3], dtype=float)
+            half = np.array([text.lower() for text in columns[6]])
+            hour = np.where(half == "pm", hour % 12 + 12, np.where(half == "am", hour % 12, hour))
+            time = time + 3600.0 * hour
+        if columns[0][0]:
+            dates = list(zip(*columns[:3], strict=True))
+            days = {each: self._day(each) for each in set(dates)}
+            if any(day is None for day in days.values()):
+                return None
+            time = time + DAY * np.array([(days[each] or 0) - self.origin for each in dates], dtype=float)
+        return time
+
+    def _day(self, parts: tuple[str, ...]) -> int | None:
+        first, second, third = map(int, parts)
+        year, month, day = (first, second, third) if first > 31 or third < 1000 else (third, first, second)
+        if year == third and self.day_first:
+            month, day = day, month
+        try:
+            return date(year, month, day).toordinal()
+        except ValueError:
+            return None
+
+
+def time_text(fields: list[str]) -> TimeText | None:
+    """How these fields, the first ones of a column, tell the time; None if they are no times."""
+    for form, pattern in _FORMS.items():
+        found = pattern.findall("\n".join(fields))
+        if not fields or len(found) != len(fields):
+            continue
+        if not found[0][0]:
+            return TimeText(form)
+        # A day beyond 12 tells; dots are used where the day comes first.
+        day_first = any(int(parts[0]) > 12 for parts in found) or bool(re.match(r'"?\d{1,2}\.', fields[0]))
+        text = TimeText(form, day_first)
+        origin = text._day(found[0][:3])
+        return None if origin is None else TimeText(form, day_first, origin)
+    return None

@@ -1,0 +1,255 @@
+"""What the titles of columns say: which are angular rate, specific force and time, and in which units.
+
+A title is cut into words, an axis and a unit: "scaledGyroX [deg/s]", "angular_velocity.x", "gx_dps" and "Gyr_X" are
+all words of a gyro, an axis x and perhaps a unit. Three titles that differ in their axis alone are a triple. The table
+of words is published in the guide "Files and declarations".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gyronorth.readers.spellings import (
+    ACCEL_SPELLINGS,
+    ANGLE_SPELLINGS,
+    GYRO_SPELLINGS,
+    TIME_SPELLINGS,
+    VELOCITY_SPELLINGS,
+    spelled,
+)
+
+#: Words by which a triple is known, in lower case; a title needs all words of one of the groups.
+GYRO_WORDS = (
+    ("gyro",), ("gyr",), ("gyros",), ("gyroscope",), ("gyrometer",), ("gyrorate",), ("omega",), ("angvel",),
+    ("angrate",), ("angular", "velocity"), ("angular", "rate"), ("angular", "vel"), ("angular", "speed"),
+    ("ang", "vel"), ("ang", "rate"), ("rotation", "rate"), ("rot", "rate"), ("turn", "rate"), ("angularvelocity",),
+    ("angularrate",), ("rotationrate",), ("rate",), ("wb",), ("wib",), ("wibb",),
+)  # fmt: skip
+ANGLE_WORDS = (
+    ("dtheta",), ("delta", "theta"), ("deltatheta",), ("delta", "angle"), ("deltaangle",), ("dang",), ("delta", "ang"),
+    ("delang",), ("dth",), ("delta", "gyro"), ("angle", "increment"), ("dangle",),
+    ("d", "ang"), ("d", "theta"), ("incremental", "angle"),
+)  # fmt: skip
+ACCEL_WORDS = (
+    ("accel",), ("acc",), ("accelerometer",), ("acceleration",), ("accelero",), ("specific", "force"), ("specforce",),
+    ("sf",), ("fb",), ("fib",), ("fibb",), ("force",), ("accelerations",), ("linear", "acceleration"),
+    ("linearacceleration",), ("specificforce",),
+)  # fmt: skip
+VELOCITY_WORDS = (
+    ("dvel",), ("delta", "v"), ("deltav",), ("delta", "velocity"), ("deltavelocity",), ("delta", "vel"), ("delvel",),
+    ("dv",), ("velocity", "increment"), ("delta", "accel"), ("incremental", "velocity"), ("dvelocity",),
+    ("d", "vel"), ("d", "v"),
+)  # fmt: skip
+#: Letters that stand for a sensor where they are all there is before the axis, or come first: w_x, gx, a_RS_S_x.
+GYRO_LETTERS, ACCEL_LETTERS = ("w", "g", "om"), ("a", "f")
+#: Words that make of a title something else.
+OTHER_WORDS = frozenset(
+    """
+    cov covariance bias biases std sigma var variance valid status flag temp temperature mag magnetometer
+    magnetic quat quaternion orientation euler roll pitch yaw attitude gravity user free lin offset drift scale
+    random walk error saturation clip clipping norm total magnitude abs range id baro pressure fog dcm max min
+    filt filtered position pos lat lon heading correction corrected
+    """.split()  # noqa: SIM905
+)
+TIME_WORDS = frozenset(
+    """
+    ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
+    nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
+    datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod
+    """.split()  # noqa: SIM905
+)
+COUNTER_WORDS = frozenset(
+    """
+    counter count seq sequence packetcounter index idx frame frames sample samples n no number num packet line
+    row cycle i
+    """.split()  # noqa: SIM905
+)
+_AXES = {"x": 0, "y": 1, "z": 2}
+#: Rates about the body axes, by the words of flight mechanics.
+_BODY_RATES = {
+    f"{name}{rate}": axis for axis, name in enumerate(("roll", "pitch", "yaw")) for rate in ("rate", "rates")
+}
+_BODY_RATES |= {"p": 0, "q": 1, "r": 2}
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+_BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]")
+_GLUED = re.compile(r"(.*[a-z])([xyz])")
+_STEMS = frozenset(word for group in (*GYRO_WORDS, *ACCEL_WORDS, *ANGLE_WORDS, *VELOCITY_WORDS) for word in group)
+
+
+@dataclass(frozen=True)
+class Title:
+    """A title taken apart."""
+
+    kind: str  # gyro, accel, time, week, date, counter or ""
+    words: tuple[str, ...]  # in lower case, without axis and unit
+    axis: int | None = None  # 0, 1, 2 for x, y, z
+    unit: str | None = None
+    increments: bool = False  # angle or velocity a sample
+
+
+@dataclass(frozen=True)
+class Triple:
+    """Three columns of one sensor."""
+
+    kind: str  # gyro or accel
+    positions: tuple[int, int, int]  # of x, y, z
+    label: str  # for people: "Gyro X..Z"
+    unit: str | None
+    increments: bool | None  # None: not known
+
+
+def take_apart(title: str, unit: str = "") -> Title:
+    """Words, axis and unit of a title; `unit` is what a row of units holds below it.
+
+    Examples
+    --------
+    >>> take_apart("Gyro X (deg/s)")
+    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False)
+    >>> take_apart("a_RS_S_y [m s^-2]").kind, take_apart("time_us").unit
+    ('accel', 'us')
+    """
+    name, candidates = title, [unit] if unit else []
+    for match in _BRACKETS.finditer(title):
+        if not match[1].strip().isdigit() and match[1].strip().lower() not in _AXES:
+            candidates.append(match[1])
+            name = name.replace(match[0], " ")
+    if not candidates:
+        head, mark, behind = re.sub(r"[,:]\s", "\0", title, count=1).partition("\0")
+        parts = (head, mark, behind) if mark else _behind_slash(title)
+        if parts[1]:
+            name, candidates = parts[0], [parts[2]]
+    axis, words = _axis([word.lower() for word in _WORD.findall(name)])
+    return _title(words, axis, candidates)
+
+
+def _behind_slash(title: str) -> tuple[str, str, str]:
+    """Acc_X/g, Gyr_X/(deg/s), gyro x rad/s: the name and the unit behind it."""
+    last = re.fullmatch(r"(.*[^\s_])[\s_]+([^\s_/]+/[^_]+)", title)
+    head, mark, behind = (last[1], " ", last[2]) if last else title.partition("/")
+    known = (GYRO_SPELLINGS, ACCEL_SPELLINGS, TIME_SPELLINGS, ANGLE_SPELLINGS)
+    return (head, mark, behind) if mark and any(spelled(behind, table) for table in known) else (title, "", "")
+
+
+def _title(words: list[str], axis: int | None, candidates: list[str]) -> Title:
+    found = _unit_of(candidates)
+    named = words
+    if not found:
+        for length in (3, 2, 1):  # a unit among the words: gx_dps, gyro_rad_s, accel_m_s2_x
+            for start in range(len(words) - length, 0 if length == 1 else -1, -1):
+                part = words[start : start + length]
+                suffix = _unit_of(["_".join(part)]) or _unit_of(["".join(part)])
+                if suffix and start > 0 and not (length == 1 and part[0] in ("g", "s", "a", "c") and axis is None):
+                    found, named = suffix, words[:start] + words[start + length :]
+                    break
+            if found:
+                break
+    kind, increments = _kind(named, axis, found)
+    unit = _unit_for(kind, found, increments)
+    if kind in ("gyro", "accel") and unit is None and found and not increments:
+        angle = found.get("angle" if kind == "gyro" else "velocity")
+        increments = bool(angle and any(word in ("increment", "increments", "inc", "delta") for word in named))
+        unit = angle if increments else None
+    return Title(kind, tuple(named), axis, unit, increments)
+
+
+def _unit_of(candidates: Sequence[str]) -> dict[str, str]:
+    """Which unit each kind of column would have."""
+    tables = {
+        "gyro": GYRO_SPELLINGS, "accel": ACCEL_SPELLINGS, "angle": ANGLE_SPELLINGS, "velocity": VELOCITY_SPELLINGS,
+        "time": TIME_SPELLINGS,
+    }  # fmt: skip
+    for text in candidates:
+        found = {kind: unit for kind, table in tables.items() if text and (unit := spelled(text, table)) is not None}
+        if found:
+            return found
+    return {}
+
+
+def _unit_for(kind: str, found: dict[str, str], increments: bool) -> str | None:
+    if kind == "gyro":
+        return found.get("angle" if increments else "gyro")
+    if kind == "accel":
+        return found.get("velocity" if increments else "accel")
+    return found.get("time") if kind == "time" else None
+
+
+def _axis(words: list[str]) -> tuple[int | None, list[str]]:
+    """The axis in the words and the words without it: a word of its own, or the end of one."""
+    at = [i for i, word in enumerate(words) if word in _AXES]
+    if at:
+        return _AXES[words[at[-1]]], words[: at[-1]] + words[at[-1] + 1 :]
+    if "".join(words) in _BODY_RATES:
+        return _BODY_RATES["".join(words)], ["rate"]
+    for i in range(len(words) - 1, -1, -1):
+        match = _GLUED.fullmatch(words[i])
+        if match and (match[1] in _STEMS or (i == 0 and match[1] in (*GYRO_LETTERS, *ACCEL_LETTERS, "d"))):
+            return _AXES[match[2]], [*words[:i], match[1], *words[i + 1 :]]
+    digits = [i for i, word in enumerate(words) if word in ("0", "1", "2", "3")]
+    if digits and digits[-1] == len(words) - 1:
+        return int(words[-1]), words[:-1]  # put right by `triples`, which knows whether they count from 0 or 1
+    return None, words
+
+
+def _kind(words: list[str], axis: int | None, found: dict[str, str]) -> tuple[str, bool]:
+    """The kind of a column by its words, its axis and its unit, and whether it holds increments."""
+    if axis is not None and words and set(words) & OTHER_WORDS:
+        return "", False
+    kind, increments = ("", False) if axis is None else _sensor(words, found)
+    return (kind or (_other(words) if axis is None or not words else "")), increments
+
+
+def _sensor(words: list[str], found: dict[str, str]) -> tuple[str, bool]:
+    have = set(words)
+    tables = (("gyro", True, ANGLE_WORDS), ("accel", True, VELOCITY_WORDS), ("gyro", False, GYRO_WORDS),
+              ("accel", False, ACCEL_WORDS))  # fmt: skip
+    for kind, increments, table in tables:
+        if any(set(group) <= have for group in table):
+            return kind, increments
+    for kind, letters in (("gyro", GYRO_LETTERS), ("accel", ACCEL_LETTERS)):
+        if words and words[0] in letters:
+            return kind, False
+    # A unit tells too: X (deg/s), alpha_x [m/s^2].
+    return ("gyro" if "gyro" in found else "accel" if "accel" in found else ""), False
+
+
+def _other(words: list[str]) -> str:
+    """Time, a part of it, or a counter."""
+    have = set(words)
+    if have & {"week", "gpsweek", "wn"} and not have & {"seconds", "second", "sec", "time"}:
+        return "week"
+    for kind, names in (("hour", ("hour", "hours", "hh", "hr")), ("minute", ("minute", "minutes", "min", "mm"))):
+        if len(words) == 1 and words[0] in names:
+            return kind
+    if "date" in have and have <= {"date", "day", "utc", "gps"}:
+        return "date"
+    if have & TIME_WORDS and not have & (OTHER_WORDS - {"gps"}):
+        return "time"
+    return "counter" if have & COUNTER_WORDS else ""
+
+
+def triples(titles: Sequence[str], parts: Sequence[Title]) -> list[Triple]:
+    """The triples among the titles of a file, in their order."""
+    families: dict[tuple[str, tuple[str, ...], bool], dict[int, list[int]]] = {}
+    for position, part in enumerate(parts):
+        if part.kind in ("gyro", "accel") and part.axis is not None:
+            families.setdefault((part.kind, part.words, part.increments), {}).setdefault(part.axis, []).append(position)
+    found = []
+    for (kind, _, increments), family in families.items():
+        axes = sorted(family)
+        if axes not in ([0, 1, 2], [1, 2, 3]) or any(len(positions) > 1 for positions in family.values()):
+            continue
+        x, y, z = (family[axis][0] for axis in axes)
+        units = {parts[position].unit for position in (x, y, z)}
+        unit = units.pop() if len(units) == 1 else None
+        found.append(Triple(kind, (x, y, z), label(titles[x], titles[z]), unit, True if increments else None))
+    return found
+
+
+def label(first: str, last: str) -> str:
+    """Two titles of a triple as one text: "Gyro X..Z (deg/s)"."""
+    same = 0
+    while same < min(len(first), len(last)) and first[same] == last[same]:
+        same += 1
+    return f"{first[: same + 1]}..{last[same:]}" if same < len(last) else f"{first}..{last}"

@@ -1,0 +1,58 @@
+"""What a benchmark of the paper will cost, told before it starts."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from gyronorth.studies.work import Job, finished_units, with_needs
+
+#: CPU seconds of one thread, by layout, as the study `cost` measures them: an epoch of the denoiser, denoising the
+#: augmented recordings of a split, an epoch of the heading network.
+FLATTENED = (0.13, 8.0, 0.24)
+TEMPORAL = (6.6, 290.0, 5.8)
+#: An epoch of one of many heading networks trained at once, per 32 examples of a batch; a start of anything; all else.
+TOGETHER = 0.10
+START = 3.0
+OTHERS = 2.0
+#: Early stopping leaves out this share of the epochs.
+STOPPED = 0.4
+
+
+def expected_seconds(job: Job) -> float:
+    """CPU seconds of a unit, from its settings; good to a factor of two."""
+    settings: dict[str, Any] = job.arguments.get("settings", {})
+    denoiser, denoise, heading = TEMPORAL if settings.get("layout") == "temporal" else FLATTENED
+    length = settings.get("samples", 300) / 300
+    kind, part = job.function.__name__, settings.get("heading", {})
+    epochs = part.get("epochs", 150)
+    cleaned = denoise * length * part.get("denoised", True)
+    if kind == "train_denoiser_unit":
+        return START + denoiser * length * (1 - STOPPED) * settings.get("denoiser", {}).get("epochs", 300)
+    if kind == "train_heading_unit":
+        return START + cleaned + heading * length * (1 - STOPPED) * epochs
+    if kind == "protocol_unit":
+        count = len(job.arguments["splits"])
+        return START + count * (cleaned + TOGETHER * epochs * min(1.0, 40 / part.get("batch", 32)))
+    return OTHERS
+
+
+def told(jobs: Iterable[Job], folder: Path, workers: int | None) -> str:
+    """How much there is to do: units, those done, CPU time, and time with so many local processes."""
+    order = with_needs(list(jobs))
+    done = finished_units(order, folder)
+    left = sum(expected_seconds(job) for job in order if job.name not in done)
+    processes = min(workers or os.cpu_count() or 1, max(len(order) - len(done), 1))
+    clock = f"{_time(left / processes)} with {processes} local process{'es' if processes > 1 else ''}"
+    return (
+        f"{len(order)} units of work, {len(done)} of them done; about {_time(left)} of CPU left, {clock}. "
+        "What is finished is kept."
+    )
+
+
+def _time(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

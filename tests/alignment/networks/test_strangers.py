@@ -1,0 +1,110 @@
+"""Bundles from strangers: what is loaded is what was hashed, within limits, and errors are one message."""
+
+import hashlib
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from gyronorth.alignment.networks.bundle import read_bundle, shipped_bundle
+from gyronorth.alignment.networks.onnx_file import DamagedOnnx, names_other_files
+from gyronorth.alignment.networks.runtime import load_bundle, run
+from gyronorth.errors import InputError
+
+helper = pytest.importorskip("onnx.helper")
+
+
+def bundle(tmp_path, model, **changes):
+    """The shipped baseline with another network, its checksum right."""
+    folder = tmp_path / "b"
+    shutil.copytree(shipped_bundle("baseline"), folder)
+    content = model if isinstance(model, bytes) else model.SerializeToString()
+    (folder / "heading.onnx").write_bytes(content)
+    info = json.loads((folder / "bundle.json").read_text())
+    info["heading"]["sha256"] = hashlib.sha256(content).hexdigest()
+    for path, value in changes.items():
+        *where, last = path.split("__")
+        place = info
+        for name in where:
+            place = place[name]
+        place[last] = value
+    (folder / "bundle.json").write_text(json.dumps(info))
+    return folder
+
+
+def network(value=123.0, *, name="rate", shape=(1, 1), external=False, outputs=1):
+    """A network that says always the same."""
+    constant = helper.make_tensor("c", 1, shape, np.full(shape, value).ravel())
+    if external:
+        constant = helper.make_tensor("c", 1, shape, np.full(shape, value, np.float32).tobytes(), raw=True)
+        constant.ClearField("raw_data")
+        constant.data_location = 1
+        entry = constant.external_data.add()
+        entry.key, entry.value = "location", "../../secret"
+    ins = [helper.make_tensor_value_info(name, 11, [None, None, 3])]
+    outs = [helper.make_tensor_value_info(f"y{i}", 1, shape) for i in range(outputs)]
+    nodes = [helper.make_node("Identity", ["c"], [f"y{i}"]) for i in range(outputs)]
+    graph = helper.make_graph(nodes, "g", ins, outs, [constant])
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+
+
+RATES = np.zeros((1, 300, 3))
+
+
+def test_a_network_of_a_stranger_runs_in_a_process_of_its_own(tmp_path):
+    loaded = load_bundle(bundle(tmp_path, network(123.0)))
+    assert np.degrees(run(loaded, RATES)) == pytest.approx([123.0])
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (network(np.inf), "not finite"),
+        (network(np.nan), "not finite"),
+        (network(shape=(1, 2)), r"shape \(1, 2\); \(1, 1\) is expected"),
+        (network(shape=(3,)), "is expected"),
+        (network(name="x"), "has the inputs x and 1 outputs; rate"),
+        (network(outputs=2), "and 2 outputs"),
+        (network(external=True), "keeps numbers in other files"),
+        (b"\x0a\xff\xff\xff\xff\x0f", "is no ONNX network"),
+        (b"\x08\x08", "cannot be run"),
+    ],
+)
+def test_what_is_no_such_network_is_one_message(tmp_path, model, words):
+    with pytest.raises(InputError, match=words):
+        run(load_bundle(bundle(tmp_path, model)), RATES)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"heading__sha256": ""}, "heading.sha256"),
+        ({"heading__sha256": "0" * 64}, "does not match its checksum"),
+        ({"domain__rate_hz": float("nan")}, "domain.rate_hz"),
+        ({"domain__noise_deg_s": float("inf")}, "domain.noise_deg_s"),
+        ({"metrics__test_network_crmse_deg": float("nan")}, "metrics"),
+        ({"domain__samples": 10**12}, "domain.samples"),
+        ({"heading__file": "../heading.onnx"}, "own folder"),
+    ],
+)
+def test_settings_that_mean_nothing_are_refused(tmp_path, changes, words):
+    with pytest.raises(InputError, match=words):
+        read_bundle(bundle(tmp_path, network(), **changes))
+
+
+def test_a_missing_network_is_refused(tmp_path):
+    folder = bundle(tmp_path, b"")
+    with pytest.raises(InputError, match="does not match its checksum"):
+        read_bundle(folder)
+
+
+def test_other_files_are_found_however_deep_and_damage_is_told():
+    assert not names_other_files(network().SerializeToString())
+    assert names_other_files(network(external=True).SerializeToString())
+    inner = network(external=True).graph
+    node = helper.make_node("If", ["c"], ["y"], then_branch=inner, else_branch=network().graph)
+    outer = helper.make_model(helper.make_graph([node], "g", [], []))
+    assert names_other_files(outer.SerializeToString())
+    with pytest.raises(DamagedOnnx):
+        names_other_files(network().SerializeToString()[:-1])

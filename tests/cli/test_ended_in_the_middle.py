@@ -1,0 +1,102 @@
+"""Every command that writes, ended in the middle: the old file is whole, and nothing is left beside it."""
+
+import os
+import resource
+import signal
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from still import still
+
+from gyronorth import write
+from gyronorth.cli import main
+from gyronorth.recording import Recording
+
+SIMULATE = "simulate --sensor stim300 --latitude 48 --heading 1 --duration 60 --rate 20 --seed 1 --force -o out.npz"
+COMMANDS = [
+    *(f"convert rec.csv --force -o out.{suffix}" for suffix in ("npz", "h5")),
+    SIMULATE,
+    "allan rec.csv --force -o out.json",
+    "heading rec.csv --csv out.csv",
+    "calibrate swing --latitude 45 --force -o out.json",
+]
+#: Their libraries take seconds to load.
+DEAR = [
+    *(f"convert rec.csv --force -o out.{suffix}" for suffix in ("csv", "parquet", "bag", "mcap")),
+    "heading rec.csv --report out.html",
+    "heading rec.csv --plot out.png",
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ended")
+    gyro, accel = still(700)
+    write(Recording(gyro, accel, 10.0, latitude=np.radians(45)), folder / "rec.csv")
+    (folder / "swing").mkdir()
+    for k in range(7):
+        gyro, accel = still(50, seed=k)
+        truth = Recording(gyro, accel, 10.0, latitude=np.radians(45), heading_true=0.1 * k, session="s")
+        write(truth, folder / "swing" / f"{k}.csv")
+    return folder
+
+
+def ended(command: str, how: str, place: Path) -> int:
+    """Status of a process that runs a command, is ended or finds no room while it writes, and tells it by its end."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # it may have threads, of which none is needed
+        pid = os.fork()
+    if pid == 0:
+        try:
+            os.chdir(place)
+            quiet = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(quiet, 1)
+            os.dup2(quiet, 2)
+            for number in (signal.SIGTERM, signal.SIGXFSZ):
+                signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
+            if how == "full":
+                resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+            else:
+
+                def replace(self: Path, target: object) -> None:
+                    os.kill(os.getpid(), signal.Signals[how])
+                    time.sleep(60)
+
+                Path.replace = replace  # type: ignore[method-assign,assignment]
+            sys.argv = ["gyronorth", *command.split()]
+            main()
+        except SystemExit as end:
+            os._exit(end.code if isinstance(end.code, int) else 1)
+        finally:
+            os._exit(99)
+    return os.waitpid(pid, 0)[1]
+
+
+@pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL", "full"])
+@pytest.mark.parametrize(
+    "command",
+    [*COMMANDS, *(pytest.param(command, marks=pytest.mark.long) for command in DEAR)],
+    ids=lambda command: f"{command.split()[0]}-{command.split('.')[-1]}",
+)
+def test_the_old_file_is_whole(folder, command, how):
+    output = folder / command.split()[-1]
+    output.write_text("before")
+    before = sorted(path.name for path in folder.iterdir())
+    status = ended(command, how, folder)
+    if how == "full":
+        assert (os.WIFEXITED(status), os.WEXITSTATUS(status)) == (True, 2)
+    else:
+        assert os.WIFSIGNALED(status)
+        assert os.WTERMSIG(status) == signal.Signals[how]
+    assert output.read_text() == "before"
+    left = [path for path in folder.iterdir() if path.name not in before]
+    if how == "SIGKILL":
+        assert all(path.name.startswith(".") and path.suffix == ".part" for path in left)
+    else:
+        assert not left
+    for path in (*left, output):
+        path.unlink()

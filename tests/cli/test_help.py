@@ -1,0 +1,101 @@
+"""What the command line says of itself: help by task, examples, names that are nearly right, completion."""
+
+import re
+import shlex
+
+import pytest
+import typer.main
+from typer.testing import CliRunner
+
+from gyronorth.catalogue import METHODS
+from gyronorth.cli import app, completion
+from gyronorth.cli.tasks import ABOUT
+from gyronorth.errors import did_you_mean
+from gyronorth.frames.catalogue import NAMES
+from gyronorth.readers.axes import mat_bf
+from gyronorth.readers.options import ReadOptions
+from gyronorth.sensor import read_sensor
+
+GROUP = typer.main.get_command(app)
+
+
+def run(*arguments):
+    return CliRunner().invoke(app, [*arguments])
+
+
+def test_bare_call_prints_the_help_and_succeeds():
+    bare = run()
+    assert bare.exit_code == 0
+    assert bare.stdout == run("--help").stdout
+    assert "Find north" in bare.stdout
+
+
+def test_every_command_has_a_task_and_examples_and_stands_in_their_order():
+    assert set(ABOUT) == set(GROUP.commands)
+    shown = run("--help").stdout
+    places = [re.search(rf"^\W*{name} ", shown, re.MULTILINE) for name in ABOUT]
+    assert None not in places
+    assert [place.start() for place in places] == sorted(place.start() for place in places)
+    assert all(examples for _, examples in ABOUT.values())
+
+
+@pytest.mark.parametrize("name", ABOUT)
+def test_examples_use_options_that_the_command_has(name):
+    command = GROUP.commands[name]
+    known = {switch for parameter in command.params for switch in parameter.opts}
+    help_text = " ".join(run(name, "--help").stdout.split())
+    for example in ABOUT[name][1]:
+        program, called, *words = shlex.split(example)
+        assert (program, called) == ("gyronorth", name)
+        assert {word for word in words if re.match("-{1,2}[a-z]", word)} <= known
+        assert words[0] in help_text if words else True
+
+
+def test_the_help_ends_in_examples():
+    assert "gyronorth explain rec.npz --sensor sdc500" in run("explain", "--help").stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (("plan", "--sensor", "sdc50", "--latitude", "32"), "sdc500"),
+        (("info", __file__, "--gyro-unit", "deg/sec"), "deg/s"),
+        (("haeding",), "heading"),
+    ],
+)
+def test_a_name_that_is_nearly_right_is_offered(arguments, meant):
+    said = run(*arguments)
+    assert said.exit_code == 2
+    assert f"Did you mean '{meant}'?" in " ".join(said.stderr.split())
+
+
+def test_nothing_is_offered_for_a_name_that_is_far_off():
+    assert did_you_mean("quaternion", ("sdc500", "stim300")) == ""
+
+
+def test_tab_offers_what_the_program_accepts(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "st.json").touch()
+    (tmp_path / "stop.csv").touch()
+    assert completion.sensor("st") == ["stim300", "st.json"]
+    for name in completion.sensor(""):
+        if not name.endswith(".json"):
+            read_sensor(name)
+    assert completion.method("") == [info.name for info in METHODS]
+    assert [mat_bf(name).shape for name in completion.axes("")] == [(3, 3)] * 24
+    for gyro_unit in completion.gyro_unit(""):
+        ReadOptions(gyro_unit=gyro_unit)
+    assert completion.accel_unit("m") == ["m/s2"]
+    assert completion.protocol("") == list(NAMES)
+    assert "quiet" in completion.disturbance("q")
+    assert completion.benchmark("pu") == ["published"]
+    assert "table_2" in completion.study("t")
+
+
+def test_verbose_tells_the_time_of_each_step_and_quiet_nothing():
+    words = ("explain", "examples/data/demo.npz", "--sensor", "sdc500")
+    loud, quiet = run(*words, "-v"), run(*words, "-q")
+    assert re.search(r"^finding north: \d+\.\d{3} s$", loud.stderr, re.MULTILINE)
+    assert quiet.stderr == ""
+    assert run(*words).stderr == ""  # nothing is kept from the call before
+    assert loud.stdout == quiet.stdout

@@ -1,0 +1,215 @@
+"""What takes a stranger's bytes, each with an honest example, and the one oracle over all of them.
+
+Whatever comes in ends in `InputError`, in a refused heading with its reason, or in a valid one whose
+numbers are finite.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import gyronorth
+from gyronorth.alignment.networks.bundle import shipped_bundle
+from gyronorth.deviation import fit_deviation
+from gyronorth.errors import InputError
+from gyronorth.estimate import HeadingEstimate
+from gyronorth.live.lines import LineReader
+from gyronorth.readers.options import ReadOptions
+from gyronorth.recording import Recording
+
+RATE_HZ, SAMPLES, LATITUDE = 3.0, 300, 0.5604
+
+
+@dataclass(frozen=True)
+class Target:
+    """One kind of input."""
+
+    name: str
+    kind: str  # json, text or binary
+    honest: bytes
+    take: Callable[[bytes], HeadingEstimate | None]
+
+
+def judge(target: Target, content: bytes) -> str:
+    """What became of an input: refused, invalid, valid or taken; anything else raises."""
+    try:
+        with np.errstate(all="ignore"):
+            found = target.take(content)
+    except InputError as error:
+        if not str(error):
+            raise AssertionError("an error without a message") from None
+        return "refused"
+    if found is None:
+        return "taken"
+    json.dumps(found.to_json(), allow_nan=False)
+    if not found.valid:
+        return "invalid"
+    assert found.heading is not None
+    assert found.sigma is not None
+    assert np.isfinite([found.heading, found.sigma, *found.interval95]).all(), "valid, but not finite"
+    assert found.sigma > 0, "valid, but sigma is not above 0"
+    return "valid"
+
+
+def targets(folder: Path) -> list[Target]:
+    """Every target that the installed extras allow; they write to `folder`."""
+    recording = _still()
+    return [
+        *_formats(recording, folder),
+        *_frames(folder),
+        _profile(recording, folder),
+        _deviation(recording, folder),
+        *_bundles(recording, folder),
+        _lines(),
+        *([_settings(folder)] if find_spec("yaml") else []),
+        *([_checkpoint(folder)] if find_spec("torch") else []),
+    ]
+
+
+def _still() -> Recording:
+    return gyronorth.simulate(
+        "sdc500",
+        latitude=LATITUDE,
+        heading=0.7,
+        duration=SAMPLES / RATE_HZ,
+        rate_hz=RATE_HZ,
+        rng=np.random.default_rng(1),
+    )
+
+
+def _file(folder: Path, name: str, use: Callable[[Path], HeadingEstimate | None]) -> Callable[[bytes], Any]:
+    path = folder / name
+
+    def take(content: bytes) -> HeadingEstimate | None:
+        path.write_bytes(content)
+        return use(path)
+
+    return take
+
+
+def _formats(recording: Recording, folder: Path) -> Iterator[Target]:
+    def heading(path: Path) -> HeadingEstimate:
+        columns = {f"w_{axis}": str(i) for i, axis in enumerate("xyz")} if path.suffix == ".mat" else {}
+        declared = {"columns": columns, "rate_hz": RATE_HZ, "gyro_unit": "rad/s", "axes": "frd"} if columns else {}
+        found = gyronorth.read(path, **declared)
+        return gyronorth.heading(found, latitude=found.latitude or LATITUDE, method="mean")
+
+    suffixes = [".csv", ".npz"]
+    suffixes += [".h5"] if find_spec("h5py") else []
+    suffixes += [".parquet"] if find_spec("pyarrow") else []
+    suffixes += [".bag"] if find_spec("rosbags") else []
+    suffixes += [".mcap"] if find_spec("rosbags") and find_spec("mcap") else []
+    for suffix in suffixes:
+        path = folder / f"honest{suffix}"
+        gyronorth.write(recording, path)
+        kind = "text" if suffix == ".csv" else "binary"
+        yield Target(suffix[1:], kind, path.read_bytes(), _file(folder, f"mutated{suffix}", heading))
+    from scipy.io import savemat
+
+    for compressed in (False, True):
+        savemat(folder / "honest.mat", {"imu": recording.gyro_b}, do_compression=compressed)
+        content = (folder / "honest.mat").read_bytes()
+        yield Target("mat-packed" if compressed else "mat", "binary", content, _file(folder, "mutated.mat", heading))
+
+
+def _frames(folder: Path) -> Iterator[Target]:
+    from frames.encoders import novatel, stim
+
+    for name, case in (("stim", stim(400)), ("novatel", novatel(300))):
+
+        def heading(path: Path) -> HeadingEstimate:
+            found = gyronorth.read(path, format="frames")
+            return gyronorth.heading(found, latitude=LATITUDE, method="mean")
+
+        yield Target(
+            f"frames-{name}", "binary", case.preamble + b"".join(case.frames), _file(folder, f"{name}.bin", heading)
+        )
+
+
+def _profile(recording: Recording, folder: Path) -> Target:
+    path = folder / "profile-honest.json"
+    gyronorth.write_sensor(gyronorth.read_sensor("stim300"), path)
+    take = _file(folder, "profile.json", lambda file: gyronorth.heading(recording, sensor=str(file), method="mean"))
+    return Target("profile", "json", path.read_bytes(), take)
+
+
+def _deviation(recording: Recording, folder: Path) -> Target:
+    rng = np.random.default_rng(2)
+    truth = np.linspace(0, 2 * np.pi, 9)[:-1]
+    heading = truth + 0.05 * np.sin(truth) + rng.normal(0, 0.01, 8)
+    path = folder / "deviation-honest.json"
+    fit_deviation(heading, rng.normal(0, 0.02, 8), truth, session="*", duration=100.0, latitude=LATITUDE).write(path)
+
+    def use(file: Path) -> HeadingEstimate:
+        return gyronorth.heading(recording, method="mean", deviation=gyronorth.read_deviation(file))
+
+    return Target("deviation", "json", path.read_bytes(), _file(folder, "deviation.json", use))
+
+
+def _bundles(recording: Recording, folder: Path) -> Iterator[Target]:
+    if not find_spec("onnxruntime"):
+        return
+    made = folder / "bundle"
+    shutil.copytree(shipped_bundle("baseline"), made)
+    description, network = (made / name for name in ("bundle.json", "heading.onnx"))
+    honest = {description: description.read_bytes(), network: network.read_bytes()}
+
+    def heading() -> HeadingEstimate:
+        return gyronorth.heading(recording, method="baseline", model=made)
+
+    def described(content: bytes) -> HeadingEstimate:
+        network.write_bytes(honest[network])
+        description.write_bytes(content)
+        return heading()
+
+    def run(content: bytes) -> HeadingEstimate:
+        info = json.loads(honest[description])
+        info["heading"]["sha256"] = hashlib.sha256(content).hexdigest()
+        description.write_text(json.dumps(info))
+        network.write_bytes(content)
+        return heading()
+
+    yield Target("bundle", "json", honest[description], described)
+    yield Target("network", "binary", honest[network], run)
+
+
+def _lines() -> Target:
+    def take(content: bytes) -> None:
+        reader = LineReader("stream", ReadOptions(rate_hz=10.0, gyro_unit="rad/s", accel_unit="m/s2", axes="frd"))
+        for start in range(0, len(content), 997):
+            for batch in reader.push(content[start : start + 997]):
+                assert batch.rows.values.ndim == 2
+        reader.end()
+
+    rows = "".join(f"{k / 10:.1f},1e-5,-2e-5,-3e-5,0.01,0.02,-9.8\n" for k in range(200))
+    return Target("lines", "text", f"# rate_hz: 10\nt,w_x,w_y,w_z,f_x,f_y,f_z\n{rows}".encode(), take)
+
+
+def _settings(folder: Path) -> Target:
+    from gyronorth.learn.settings import paper, read_settings, write_settings
+
+    path = folder / "settings-honest.yaml"
+    write_settings(paper(), path)
+    return Target(
+        "settings", "text", path.read_bytes(), _file(folder, "settings.yaml", lambda p: read_settings(p) and None)
+    )
+
+
+def _checkpoint(folder: Path) -> Target:
+    import torch
+
+    from gyronorth.learn.training import read_checkpoint
+
+    path = folder / "honest.pt"
+    torch.save({"fingerprint": "f", "weights": {"w": torch.zeros(4, 4)}, "epoch": 1}, path)
+    take = _file(folder, "mutated.pt", lambda p: read_checkpoint(p, "f") and None)
+    return Target("checkpoint", "binary", path.read_bytes(), take)

@@ -1,0 +1,164 @@
+"""Frames of a unit through a live session: the heading, the counts and the files are those of the capture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from frames import encoders
+from frames.encoders import Case
+from live_stream import Played, session_of
+from unit_at_rest import HEADING, unit
+
+import gyronorth as gn
+from gyronorth.errors import InputError
+from gyronorth.live.events import Bytes, Connected, Lost
+from gyronorth.live.session import LiveSettings, Session
+from gyronorth.live.sources import open_source
+
+
+def damaged(case: Case, share: float = 0.01) -> bytes:
+    """A capture whose ends are cut and of whose frames 1 % have a wrong byte."""
+    rng, data = np.random.default_rng(11), bytearray(case.preamble)
+    for i, frame in enumerate(case.frames):
+        piece = bytearray(frame)
+        if rng.random() < share and 0 < i < len(case.frames) - 2:
+            piece[len(piece) // 2] ^= 0x15
+        data += piece
+    return bytes(data[0 if case.preamble else 7 : -5])
+
+
+def pieces(data: bytes, size: int = 4000) -> list[Bytes]:
+    """Cut anywhere."""
+    return [Bytes(data[at : at + size]) for at in range(0, len(data), size)]
+
+
+@pytest.mark.parametrize(
+    "name", ["stim", "kvh-A-rate", "novatel-RAWIMUSX-text", "kvh-B-angle", "vectornav-ascii", "xbus-dq", "mip-delta"]
+)
+def test_a_damaged_stream_gives_the_heading_of_its_capture(name, monkeypatch, tmp_path):
+    case, options = unit(name, monkeypatch)
+    data = damaged(case)
+    session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv")
+    status = session.status
+    assert (session.error, status.protocol, status.counters.restarts) == (None, case.protocol, 0)
+    assert (tmp_path / "rec.bin").read_bytes() == data
+    whole = gn.read(tmp_path / "rec.bin", options)
+    offline = gn.heading(whole)
+    assert status.measured is not None
+    assert status.measured.heading == pytest.approx(offline.heading, abs=1e-9)
+    assert status.measured.sigma == pytest.approx(offline.sigma, rel=1e-6)
+    assert gn.heading(gn.read(tmp_path / "rec.csv")).heading == pytest.approx(offline.heading, abs=1e-9)
+    assert status.counters.lost == sum(gap.samples for gap in whole.gaps) > 0
+    assert status.counters.skipped_bytes > 0
+    assert status.measured.heading is not None
+    assert status.measured.sigma is not None
+    assert abs(status.measured.heading - HEADING) < 5 * status.measured.sigma
+    assert {warning.code for warning in status.measured.warnings} == {warning.code for warning in offline.warnings} - {
+        "gaps_bridged"
+    }
+
+
+def marked(case: Case, bit: int, where: int) -> list[bytes]:
+    """Frames of a STIM of which one has a status bit set."""
+    body = bytearray(case.frames[where][:-4])
+    body[10] |= bit
+    return [*case.frames[:where], encoders.stim_datagram(bytes(body)), *case.frames[where + 1 :]]
+
+
+@pytest.mark.parametrize(("bit", "code"), [(0x10, "saturated"), (0x40, "sensor_fault")])
+def test_what_the_unit_says_of_a_sample_is_a_reason_live_and_in_both_files(bit, code, monkeypatch, tmp_path):
+    case, options = unit("stim", monkeypatch, seconds=4.0)
+    data = case.preamble + b"".join(marked(case, bit, 1300))
+    session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv", method="mean")
+    assert session.status.measured is not None
+    assert [reason.code for reason in session.status.measured.reasons] == [code]
+    for name in ("rec.bin", "rec.csv"):
+        found = gn.heading(gn.read(tmp_path / name, options), method="mean")
+        assert [reason.code for reason in found.reasons] == [code]
+        before = gn.read(tmp_path / name, replace(options, window=(0.0, 2.5)))
+        assert gn.heading(before, method="mean").valid
+    text = (tmp_path / "rec.csv").read_text().splitlines()
+    titles = next(line for line in text if line.startswith("t,"))
+    assert titles == "t,w_x,w_y,w_z,f_x,f_y,f_z,temperature_degC,saturated,sensor_fault"
+    assert float(text[-1].split(",")[7]) == pytest.approx((20 + 20.00390625 + 20.0078125) / 3)
+
+
+def test_a_broken_cable_of_a_unit_without_time_begins_files_that_replay_by_themselves(monkeypatch, tmp_path):
+    """The unit sends its configuration once, at power-up: the second file begins with it too."""
+    case, options = unit("stim", monkeypatch)
+    first, second = b"".join(case.frames[:2500]), b"".join(case.frames[3000:])
+    gone = [Lost("unplugged"), Connected(midway=True)]
+    session = session_of(
+        *pieces(case.preamble + first[:-9]), *gone, *pieces(second[5:]), reading=options, save=tmp_path / "rec.csv"
+    )
+    assert (session.error, session.status.counters.restarts) == (None, 1)
+    assert "the gap is unknown" in session.status.message
+    assert (tmp_path / "rec.2.bin").read_bytes() == case.preamble + second[5:]
+    again = Session(
+        open_source(str(tmp_path / "rec.2.bin"), options, speed=1000.0), replace(session.settings, save=None)
+    )
+    again.start()
+    assert again.ended.wait(30)
+    again.close()
+    assert again.status.measured is not None
+    assert session.status.measured is not None
+    assert again.status.measured.heading == session.status.measured.heading
+    assert again.status.measured.sigma == session.status.measured.sigma
+
+
+def test_a_clock_that_is_set_anew_begins_a_new_stretch(monkeypatch, tmp_path):
+    case, options = unit("kvh-B-angle", monkeypatch, seconds=6.0)
+    data = b"".join(case.frames[3000:]) + b"".join(case.frames[:2500])
+    session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv", method="mean")
+    assert session.status.counters.restarts == 1
+    assert session.status.message == "Started anew: the unit's clock was set anew."
+    assert session.status.seconds == pytest.approx(2.5)
+    assert gn.read(tmp_path / "rec.csv").duration == pytest.approx(3.0, abs=0.01)
+
+
+def test_start_begins_a_capture_of_what_comes_after(monkeypatch, tmp_path):
+    case, options = unit("stim", monkeypatch)
+    data = case.preamble + b"".join(case.frames)
+    cut = len(data) // 2 + 7
+    session: list[Session] = []
+
+    def begin() -> None:
+        session[0].saved()
+        session[0].command("start")
+        session[0].saved()
+
+    source = Played(*pieces(data[:cut]), 0.2, begin, *pieces(data[cut:]))
+    session.append(Session(source, LiveSettings(options, save=tmp_path / "rec.csv")))
+    session[0].start()
+    assert session[0].ended.wait(30)
+    session[0].close()
+    status = session[0].status
+    assert status.measured is not None
+    assert status.measured.heading == pytest.approx(
+        gn.heading(gn.read(tmp_path / "rec.2.bin", options)).heading, abs=1e-9
+    )
+
+
+def test_datagrams_need_no_line_ends(monkeypatch):
+    case, options = unit("xbus-dq", monkeypatch)
+    data = [Bytes(frame, whole=True) for frame in case.frames]
+    counters = session_of(*data, reading=options, method="mean").status.counters
+    assert counters.good + counters.lost == len(case.frames)
+    assert counters.good >= len(case.frames) - 1
+
+
+@pytest.mark.parametrize(
+    ("declared", "words"),
+    [
+        ({"accel_unit": "g"}, "--accel-unit does not apply to played"),
+        ({"imu": "STIM300"}, "It is for novatel; leave it out"),
+        ({"gyro_unit": "deg/s"}, "It is for kvh"),
+    ],
+)
+def test_what_frames_state_is_not_declared(declared, words, monkeypatch):
+    case, options = unit("stim", monkeypatch, seconds=1.0)
+    session = session_of(*pieces(b"".join(case.frames)), reading=replace(options, **declared))
+    assert isinstance(session.error, InputError)
+    assert words in str(session.error)

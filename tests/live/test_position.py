@@ -1,0 +1,73 @@
+"""The latitude of a receiver: sentences that hold, and all others."""
+
+from __future__ import annotations
+
+from math import degrees, radians
+from threading import Event
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pynmeagps import GET, NMEAMessage
+
+from gyronorth.live.events import Bytes, Connected, Ended, Lost
+from gyronorth.live.position import Position, latitude_of
+
+GGA = b"$GPGGA,092204.999,4250.5589,S,14718.5084,E,1,04,24.4,19.7,M,,,,0000*1F\r\n"
+
+
+@settings(deadline=None, max_examples=100)
+@given(latitude=st.floats(-90, 90), kind=st.sampled_from(["GGA", "RMC"]))
+def test_sentences_of_another_program_are_read(latitude, kind):
+    fields = {"lat": latitude, "NS": "N" if latitude >= 0 else "S", "lon": 12.5, "EW": "E"}
+    extra = {"quality": 1} if kind == "GGA" else {"status": "A"}
+    line = NMEAMessage("GN", kind, GET, **fields, **extra).serialize()
+    found = latitude_of(line)
+    assert found is not None
+    assert degrees(found) == pytest.approx(latitude, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        GGA.replace(b"E,1,", b"E,0,"),  # no fix; its checksum does not hold either
+        GGA.replace(b"*1F", b"*1E"),
+        GGA.replace(b"4250", b"4350"),
+        b"$GPGGA,,,,,,0,00,,,M,,M,,*66\r\n",
+        b"$GPRMC,,V,,,,,,,,,,N*53\r\n",
+        b"$GPGSV,3,1,11*00\r\n",
+        b"\x00\xff$GPGGA",
+    ],
+)
+def test_no_fix_no_latitude(line):
+    assert latitude_of(line) is None
+
+
+@settings(deadline=None, max_examples=300)
+@given(data=st.binary(max_size=80), place=st.integers(0, len(GGA) - 6), byte=st.integers(0, 255))
+def test_noise_gives_nothing(data, place, byte):
+    assert latitude_of(data) is None
+    changed = GGA[:place] + bytes([byte]) + GGA[place + 1 :]
+    assert latitude_of(changed) in (None, latitude_of(GGA))
+
+
+class Receiver:
+    name, live = "receiver", True
+
+    def run(self, emit, stop: Event) -> None:
+        emit(Connected())
+        emit(Bytes(GGA[30:] + GGA[:20]))
+        emit(Lost("unplugged"))
+        emit(Bytes(GGA[20:]))
+        assert stop.is_set() is False
+        emit(Bytes(GGA[:33]))
+        emit(Bytes(GGA[33:]))
+        emit(Ended())
+
+
+def test_a_fix_is_waited_for():
+    position = Position(Receiver())
+    assert not position.wait(0)
+    position.start()
+    assert position.wait(20)
+    assert position.latitude == pytest.approx(-radians(42 + 50.5589 / 60))

@@ -1,0 +1,74 @@
+"""What the officer reads: the countdown by the plan, the rate of turn, and a heading that is held."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import radians
+
+import pytest
+from live_stream import HEAD, seconds, session_of, timed_rows
+from still import LATITUDE
+
+from gyronorth.live.countdown import Countdown
+from gyronorth.live.holding import Held
+from gyronorth.live.status import Status
+from gyronorth.live.wording import marks, verdict, verdict_short
+from gyronorth.planning import plan
+from gyronorth.sensor import read_sensor
+
+SENSOR = read_sensor("isa100c")
+
+
+@pytest.fixture(scope="module")
+def running() -> Status:
+    """A heading that is being measured, of 20 s of standing still."""
+    return replace(session_of(HEAD, timed_rows(seconds(0, 20))).status, state="running", unattended=0.0)
+
+
+def uncertain(status: Status, limit: float) -> Status:
+    """The same with a sigma above what is required."""
+    assert status.found is not None
+    estimate = replace(status.found.estimate, sigma=radians(5), warnings=(), reasons=())
+    return replace(status, found=replace(status.found, estimate=estimate), require_sigma=limit)
+
+
+def test_the_countdown_is_what_the_plan_says_less_what_it_stood(running):
+    planned = plan(SENSOR, latitude=LATITUDE)
+    wanted = float(planned.sigma[planned.duration > 200][0])
+    said = Countdown(SENSOR, wanted).text(uncertain(running, wanted))
+    left = float(planned.duration[planned.sigma <= wanted][0]) - 20.0
+    assert "of standing still, sooner if you turn it by 180° now." in said
+    minutes, _, rest = said.partition(" in ")[2].partition(" min")
+    seconds_left = float(minutes) * 60 if rest else left
+    assert seconds_left == pytest.approx(left, abs=60)
+
+
+def test_a_sigma_that_is_never_reached_needs_a_turn(running):
+    assert "turn the unit by 180°" in Countdown(SENSOR, 1e-6).text(uncertain(running, 1e-6))
+
+
+def test_nothing_is_counted_where_nothing_is_wanted(running):
+    assert Countdown(SENSOR, None).text(running) == ""
+    assert Countdown(None, 0.01).text(uncertain(running, 0.01)) == ""
+    assert Countdown(SENSOR, 0.01).text(running) == ""  # valid
+    assert Countdown(SENSOR, 0.01).text(Status("waiting", "here")) == ""
+
+
+@pytest.mark.parametrize(("rate", "words"), [(0.01, "34.4° a minute to starboard"), (-0.01, "to port"), (0.0, "0.0°")])
+def test_the_rate_of_turn_has_a_side(running, rate, words):
+    assert words in verdict(replace(running, rate_of_turn=rate))
+    assert words not in verdict(replace(running, rate_of_turn=rate, state="stopped"))
+
+
+def test_a_held_heading_says_so_and_for_how_long(running):
+    held = replace(running, held=Held(radians(123.4), radians(0.5), 0.0, 0.0, 42.0))
+    assert (held.fitness, verdict_short(held)) == ("held", "held: carried on by the gyro for 42 s")
+    page = verdict(held)
+    assert ">123.4°<" in page
+    assert 'data-fitness="held"' in page
+    beyond = replace(held, require_sigma=radians(0.1))
+    assert (beyond.fitness, beyond.to_json()["valid"]) == ("degraded", False)
+
+
+def test_marks_are_listed_only_where_there_are_some(running):
+    assert marks(running) == ""

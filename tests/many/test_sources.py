@@ -1,0 +1,111 @@
+"""Sources to recordings: folders, patterns, lists and URLs, each recording once and under its own name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gyronorth.errors import InputError
+from gyronorth.many.remote import at_hand, checksum_of
+from gyronorth.many.sources import names_one, recordings
+
+
+@pytest.fixture
+def tree(tmp_path, monkeypatch):
+    for name in ("a/x_10.csv", "a/x_9.csv", "a/sub/y.csv", "b/x_9.csv", "b/notes.md"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def names(*sources: str) -> list[str]:
+    return [item.name for item in recordings(sources)]
+
+
+def test_one_folder_names_from_itself_on_two_do_not(tree):
+    assert names("a") == ["sub/y.csv", "x_9.csv", "x_10.csv"]
+    assert names("a", "b") == ["a/sub/y.csv", "a/x_9.csv", "a/x_10.csv", "b/x_9.csv"]
+
+
+def test_patterns_lists_and_repetitions(tree):
+    assert names("*/x_9.csv") == ["a/x_9.csv", "b/x_9.csv"]
+    assert names("**/*.csv") == ["a/sub/y.csv", "a/x_9.csv", "a/x_10.csv", "b/x_9.csv"]
+    Path("list.txt").write_text("# ours\n\nb\na/x_9.csv\ngone.csv\n")
+    assert names("@list.txt", "./b/x_9.csv", "a/sub") == ["b/x_9.csv", "a/x_9.csv", "gone.csv", "a/sub/y.csv"]
+
+
+def test_a_file_whose_name_is_no_text_has_one(tree):
+    Path("c").mkdir()
+    Path("c", "x\udcff.csv").write_text("")
+    assert names("c") == ["x\\udcff.csv"]
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("*.mat", "No file matches"),
+        ("@none.txt", "list none.txt cannot be read"),
+        ("@b/notes.md", None),
+        ("nothing://x", "cannot be opened"),
+    ],
+)
+def test_refused(tree, source, message):
+    if "nothing" in source:
+        pytest.importorskip("fsspec", reason="fsspec (extra `cloud`) is not installed")
+    if message is None:
+        assert names(source) == ["b/notes.md"]  # its only line
+        return
+    with pytest.raises(InputError, match=message):
+        recordings([source])
+
+
+def test_what_is_one_recording(tree):
+    assert [names_one(text) for text in ("a/x_9.csv", "gone.csv", "file:///a.csv")] == [True] * 3
+    assert [names_one(text) for text in ("a", "*.csv", "@list.txt")] == [False] * 3
+
+
+def test_memory_is_listed_and_fetched():
+    fsspec = pytest.importorskip("fsspec", reason="fsspec (extra `cloud`) is not installed")
+    filesystem = fsspec.filesystem("memory")
+    for name in ("/many/a.csv", "/many/.b.csv", "/many/c.txt", "/many/sub/d.npz"):
+        filesystem.pipe_file(name, b"content of " + name.encode())
+    assert names("memory://many") == ["memory:///many/a.csv", "memory:///many/sub/d.npz"]
+    assert names("memory://many/a*.csv") == ["memory:///many/a.csv"]
+    with at_hand("memory://many/a.csv") as path:
+        assert path.name == "a.csv"
+        assert path.read_bytes() == b"content of /many/a.csv"
+    assert not path.exists()
+    with pytest.raises(InputError, match="There is no file memory"), at_hand("memory://many/e.csv"):
+        pass
+
+
+def test_a_broken_connection_is_tried_again_and_then_told(monkeypatch):
+    fsspec = pytest.importorskip("fsspec", reason="fsspec (extra `cloud`) is not installed")
+    filesystem = fsspec.filesystem("memory")
+    filesystem.pipe_file("/broken.csv", b"1234")
+    fetch, breaks = type(filesystem).get_file, [2]
+
+    def breaking(self, there, here, **named):
+        fetch(self, there, here, **named)
+        if breaks[0]:
+            breaks[0] -= 1
+            Path(here).write_bytes(b"12")  # ended early, and said nothing
+
+    monkeypatch.setattr(type(filesystem), "get_file", breaking)
+    monkeypatch.setattr("gyronorth.many.remote.PAUSE", 0.0)
+    with at_hand("memory://broken.csv") as path:
+        assert path.read_bytes() == b"1234"
+    breaks[0] = 3
+    with pytest.raises(InputError, match="could not be fetched in 3 attempts"), at_hand("memory://broken.csv"):
+        pass
+
+
+def test_a_checksum_is_of_names_and_contents(tmp_path):
+    for folder, name, content in (("a", "x", "1"), ("b", "x", "1"), ("c", "y", "1"), ("d", "x", "2")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / name).write_text(content)
+    sums = [checksum_of(tmp_path / name) for name in "abcd"]
+    assert sums[0] == sums[1]
+    assert len(set(sums)) == 3

@@ -1,0 +1,65 @@
+"""The report in a browser: on a phone nothing is wider than the screen, in print no table is cut."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+#: What is cut or pushes the page: elements whose right edge lies beyond that of the box around them or of the page.
+BEYOND = """() => {
+  const wide = document.documentElement.scrollWidth - window.innerWidth;
+  const cut = [...document.querySelectorAll('section table, section figure, section .bars, section p')].filter(
+    e => e.getBoundingClientRect().right > e.closest('section').getBoundingClientRect().right + 0.5);
+  const cells = [...document.querySelectorAll('td, th')].filter(e => e.scrollWidth > e.clientWidth + 1);
+  return [Math.max(wide, 0), cut.length, cells.map(e => e.textContent)];
+}"""
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """Path of Debian's Chromium."""
+    path = shutil.which("chromium")
+    if path is None:
+        pytest.skip("chromium is not installed: apt-get install chromium (make browser does it)")
+    return path
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory):
+    """A valid heading, a refused one with gates on the sensor's ranges, and a turned one; file names that are long."""
+    folder = tmp_path_factory.mktemp("a_folder_with_a_name_that_is_longer_than_a_line_of_a_phone")
+    turned = folder / "turned.npz"
+    site = ("--latitude", "32", "--heading", "40", "--duration", "200", "--rate", "5", "--seed", "3")
+    gyronorth("simulate", "--sensor", "sdc500", *site, "--turn", "60:5:90", "--turn", "120:5:90", "-o", turned)
+    pages = {}
+    for name, file, sensor in (
+        ("valid", "examples/data/demo.npz", "sdc500"),
+        ("refused", "examples/data/demo.npz", "bmi088"),
+        ("turned", turned, "sdc500"),
+    ):
+        pages[name] = folder / f"{name}.html"
+        gyronorth("heading", file, "--sensor", sensor, "--report", pages[name])
+    return pages
+
+
+def gyronorth(*words):
+    done = subprocess.run([sys.executable, "-m", "gyronorth.cli", *map(str, words)], capture_output=True, text=True)
+    assert done.returncode in (0, 3), done.stderr
+
+
+@pytest.mark.slow
+def test_nothing_is_cut_on_a_phone_and_in_print(reports, chromium):
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        for name, path in reports.items():
+            for media, width in (("screen", 390), ("screen", 1100), ("print", 680)):
+                page = browser.new_page(viewport={"width": width, "height": 800})
+                page.emulate_media(media=media)
+                page.goto(path.as_uri())
+                assert page.evaluate(BEYOND) == [0, 0, []], f"{name} at {width} px, {media}"
+                assert page.locator("h2", has_text="Checks").is_visible()
+                page.close()
+        browser.close()
