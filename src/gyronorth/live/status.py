@@ -10,7 +10,7 @@ from math import degrees, pi
 from pathlib import Path
 from typing import Any, Literal
 
-from gyronorth.estimate import HeadingEstimate
+from gyronorth.estimate import Fitness, HeadingEstimate
 from gyronorth.findings import Finding
 from gyronorth.live.estimation import LiveEstimate
 from gyronorth.live.holding import Held

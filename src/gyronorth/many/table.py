@@ -22,7 +22,7 @@ from gyronorth.report.tables import COLUMNS, Outcome
 #: Columns behind those of every table, and those of a table of windows.
 STAMPS, WINDOW = ("checksum", "settings"), ("start_s", "end_s", "windows")
 #: Columns of text; the others hold numbers, and `valid` true or false.
-TEXTS = ("file", "reasons", "warnings", "method", "sensor", "message", *STAMPS)
+TEXTS = ("file", "reasons", "warnings", "method", "sensor", "message", "fitness", *STAMPS)
 #: How a text begins that a spreadsheet would take for a formula, and an apostrophe, which says that it is none.
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 

@@ -1,4 +1,7 @@
-"""From the rows of a file to samples in SI on a uniform time grid, every row checked."""
+"""From the rows of a file to samples in SI on a uniform time grid, every row checked.
+
+Longer than 400 lines: rows, their order in time and their places on the grid are one pass with one state.
+"""
 
 from __future__ import annotations
 

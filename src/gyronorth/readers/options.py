@@ -88,21 +88,7 @@ class ReadOptions:
         _among("gyro_unit", self.gyro_unit, GYRO_UNITS)
         _among("accel_unit", self.accel_unit, ACCEL_UNITS)
         _among("time_unit", self.time_unit, TIME_UNITS)
-        if not isinstance(self.increments, bool):
-            _among("increments", self.increments, INCREMENTS)
-        if self.increments == "none":
-            object.__setattr__(self, "increments", False)
-        for name, value in (
-            ("gyro_scale", self.gyro_scale),
-            ("accel_scale", self.accel_scale),
-            ("increment_interval", self.increment_interval),
-        ):
-            if value is not None and not 0 < abs(value) < np.inf:
-                raise InputError(f"{name} is {value:g}; a number other than 0 is expected.")
-        if self.increment_interval is not None and not (self.increments and self.increment_interval > 0):
-            raise InputError(
-                f"increment_interval is {self.increment_interval:g} s; it goes with --increments, and is positive."
-            )
+        self._check_scales()
         if self.axes is not None:
             mat_bf(self.axes)
         if self.rate_hz is not None and not SLOWEST_RATE_HZ <= self.rate_hz <= FASTEST_RATE_HZ:
@@ -120,6 +106,24 @@ class ReadOptions:
         for name in self.columns or {}:
             if name not in NAMES:
                 raise InputError(f"columns names {name!r}; the columns of a recording are {', '.join(NAMES)}.")
+
+    def _check_scales(self) -> None:
+        """Counts and increments."""
+        if not isinstance(self.increments, bool):
+            _among("increments", self.increments, INCREMENTS)
+        if self.increments == "none":
+            object.__setattr__(self, "increments", False)
+        for name, value in (
+            ("gyro_scale", self.gyro_scale),
+            ("accel_scale", self.accel_scale),
+            ("increment_interval", self.increment_interval),
+        ):
+            if value is not None and not 0 < abs(value) < np.inf:
+                raise InputError(f"{name} is {value:g}; a number other than 0 is expected.")
+        if self.increment_interval is not None and not (self.increments and self.increment_interval > 0):
+            raise InputError(
+                f"increment_interval is {self.increment_interval:g} s; it goes with --increments, and is positive."
+            )
 
 
 def increments_of(increments: bool | str | None) -> frozenset[str]:

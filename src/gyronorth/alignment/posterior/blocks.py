@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, Index
 from gyronorth.attitude import level, mat_lb
 from gyronorth.conditioning import block_means, decimate
 
@@ -116,17 +116,17 @@ def _last_yaw(yaw: Array) -> Array:
     It was nudged where one step explains nearly all of its variance; sway has its mean at no particular time.
     """
     k = yaw.shape[1]
-    count = np.arange(1, k)
-    total = np.cumsum(yaw, axis=1)
+    count = np.arange(1, k, dtype=float)
+    total: Array = np.cumsum(yaw, axis=1)
     before, after = total[:, :-1] / count, (total[:, -1:] - total[:, :-1]) / (k - count)
-    whole = yaw.mean(axis=1)
-    gained = count * (before - whole[:, None]) ** 2 + (k - count) * (after - whole[:, None]) ** 2
-    best = np.argmax(gained, axis=1)
-    share = gained.max(axis=1) / np.maximum(np.sum((yaw - whole[:, None]) ** 2, axis=1), np.finfo(float).tiny)
+    whole: Array = np.asarray(yaw.mean(axis=1), dtype=float)
+    gained: Array = count * (before - whole[:, None]) ** 2 + (k - count) * (after - whole[:, None]) ** 2
+    best: Index = np.asarray(np.argmax(gained, axis=1))
+    share: Array = gained.max(axis=1) / np.maximum(np.sum((yaw - whole[:, None]) ** 2, axis=1), np.finfo(float).tiny)
     # The block of the step itself is left out where another follows.
     first = np.minimum(best + 2, k - 1)
-    settled = (total[:, -1] - np.take_along_axis(total, first[:, None] - 1, axis=1)[:, 0]) / (k - first)
-    return np.where(share > NUDGED, settled, whole)
+    settled: Array = (total[:, -1] - np.take_along_axis(total, first[:, None] - 1, axis=1)[:, 0]) / (k - first)
+    return np.asarray(np.where(share > NUDGED, settled, whole), dtype=float)
 
 
 def _turned(vector: Array, yaw: Array) -> Array:
