@@ -117,7 +117,19 @@ def soak(folder: Path, *, minutes: float, speed: float) -> dict[str, float | int
     server = socket.create_server(("127.0.0.1", 0))
     source = f"tcp:127.0.0.1:{server.getsockname()[1]}"
     command = [sys.executable, "-m", "gyronorth.cli", "live", source, "--latitude", repr(degrees(LATITUDE))]
-    command += ["--sensor", SENSOR, "--save", str(saved), "--json", "--port", "0", "--output-rate", "2"]
+    command += [
+        "--sensor",
+        SENSOR,
+        "--method",
+        "mean",
+        "--save",
+        str(saved),
+        "--json",
+        "--port",
+        "0",
+        "--output-rate",
+        "2",
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     answers: list[dict] = []
@@ -160,7 +172,7 @@ def _figures(
     settled: float,
 ) -> dict[str, float | int | bool]:
     kept = [line for line in saved.read_bytes().split(b"\n") if line and line[:1] not in b"#t"]
-    offline = heading(read(saved), sensor=SENSOR)
+    offline = heading(read(saved), sensor=SENSOR, method="mean")
     assert offline.heading is not None
     flat = [mb for at, mb in memory if at >= settled]
     live = last["live"]

@@ -64,14 +64,12 @@ def test_a_service_that_cannot_be_made_says_why():
         Apart(make, limits=WIDE, what="a.file").ask(None)
 
 
-class Odd(Exception):
-    def __init__(self, one, two):
-        super().__init__(f"{one} {two}")
-
-
 def test_an_error_that_cannot_be_sent_comes_as_its_text():
+    class Odd(Exception):
+        """Of a class that the parent cannot import."""
+
     def service(_):
-        raise Odd("left", "right")
+        raise Odd("left right")
 
     with pytest.raises(ValueError, match="Odd: left right"):
         serving(service).ask(None)

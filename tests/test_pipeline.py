@@ -59,7 +59,7 @@ def test_json_has_the_keys_of_the_contract_in_order():
         "schema heading_deg sigma_deg interval95_deg valid reasons warnings method method_reason bundle roll_deg "
         "pitch_deg latitude_deg sensor duration_s rate_hz end_time_utc poses sigma_parts_deg gyro_bias_deg_h "
         "rate_mean_deg_h rate_norm_deg_h implied_latitude_deg gyro_bias_sigma_deg_h scale_factor_ppm "
-        "scale_factor_sigma_ppm disturbance fitness"
+        "scale_factor_sigma_ppm disturbance fitness orientation"
     )
     assert list(estimate.to_json()) == keys.split()
     assert json.loads(json.dumps(estimate.to_json(), allow_nan=False))["schema"] == "gyronorth.heading/1"

@@ -59,10 +59,8 @@ def heading(
         Profile: a `Sensor`, a shipped name or a file. Without one the bias scale is inferred
         from what can be seen, and `bias_unknown` warns.
     method : str
-        One of `METHODS`. "auto" takes "turned" if the recording holds two or more poses; else
-        "learned" ("bayes", where that cannot explain it or is not installed) if the bias settles
-        or walks; else, if it is disturbed, of these, "inertial" and "mean", as far as they are not refused,
-        the one whose own sigma is smallest; else "mean".
+        One of `METHODS`. "auto" takes "turned" if the recording holds two or more poses, else "posterior"
+        ("mean" where a deviation curve is given).
     model : str or Path, optional
         Bundle for "learned", "paper" and "baseline"; without one, that which ships with the package.
     attitude : tuple of float, optional

@@ -68,7 +68,7 @@ def test_a_toy_method_runs_at_the_command_line_with_json_and_report(tmp_path, re
     page = tmp_path / "toy.html"
     arguments = ("heading", recording, "--sensor", "sdc500", "--method", "median", "--json", "--report", page)
     done = run(tmp_path, COMMAND, *arguments)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, f"wrote {page}\n")
     document = json.loads(done.stdout)
     assert document["method"] == "median"
     assert abs(document["heading_deg"] - 45.7) < 2  # the mean's answer, less or more its noise

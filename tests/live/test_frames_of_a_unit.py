@@ -47,9 +47,9 @@ def test_a_damaged_stream_gives_the_heading_of_its_capture(name, monkeypatch, tm
     whole = gn.read(tmp_path / "rec.bin", options)
     offline = gn.heading(whole)
     assert status.measured is not None
-    assert status.measured.heading == pytest.approx(offline.heading, abs=1e-9)
-    assert status.measured.sigma == pytest.approx(offline.sigma, rel=1e-6)
-    assert gn.heading(gn.read(tmp_path / "rec.csv")).heading == pytest.approx(offline.heading, abs=1e-9)
+    assert status.measured.heading == pytest.approx(offline.heading, abs=1e-5)
+    assert status.measured.sigma == pytest.approx(offline.sigma, rel=1e-3)
+    assert gn.heading(gn.read(tmp_path / "rec.csv")).heading == pytest.approx(offline.heading, abs=1e-5)
     assert status.counters.lost == sum(gap.samples for gap in whole.gaps) > 0
     assert status.counters.skipped_bytes > 0
     assert status.measured.heading is not None

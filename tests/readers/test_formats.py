@@ -198,7 +198,7 @@ def test_mat_names_the_row_of_the_variable(tmp_path):
         ({"a": imu_table(9) * 1j}, {"variable": "a"}, "is a 9x9 complex double"),
         ({"a": imu_table(9) > 0}, {"variable": "a"}, "is a 9x9 logical"),
         ({"a": np.zeros((4, 5, 6))}, {"variable": "a"}, "is a 4x5x6 double"),
-        ({"a": imu_table()}, {"columns": None}, r"has 9 columns without names.*--columns w_x=4"),
+        ({"a": imu_table()}, {"columns": None}, r"has 9 columns without names"),
         ({"a": imu_table()}, {"columns": {"w_x": 9, "w_y": 1, "w_z": 2}}, "columns are numbered 0 to 8"),
         ({"a": imu_table()}, {"columns": {"w_x": "gx"}}, r"columns says w_x=gx, but rec.mat has no such.* a\[0\]"),
     ],

@@ -83,7 +83,7 @@ print((back.gyro_b == recording.gyro_b).all(), back.rate_hz)
     path.rename(unnamed)
     page = tmp_path / "toy.html"
     done = run(tmp_path, COMMAND, "heading", unnamed, "--sensor", "sdc500", "--json", "--report", page)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, f"wrote {page}\n")
     assert json.loads(done.stdout)["duration_s"] == 60.0
     assert "rec.bin" in page.read_text()
 

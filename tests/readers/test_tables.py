@@ -254,7 +254,7 @@ def test_a_conversion_that_fails_midway_leaves_nothing(tmp_path, monkeypatch, su
     rows = "".join(f"{i / 100},1e-4,1e-4,1e-4\n" for i in range(50_000))
     (tmp_path / "rec.csv").write_text(f"# gyro_unit: rad/s\n# axes: frd\nt,w_x,w_y,w_z\n{rows}0,broken\n")
     (tmp_path / f"out{suffix}").write_text("old")
-    result = run("convert", tmp_path / "rec.csv", "-o", tmp_path / f"out{suffix}")
+    result = run("convert", tmp_path / "rec.csv", "-o", tmp_path / f"out{suffix}", "--force")
     assert result.exit_code == 2
     assert "Row 50004 of rec.csv" in result.stderr
     assert sorted(os.listdir(tmp_path)) == sorted({"rec.csv", f"out{suffix}"})

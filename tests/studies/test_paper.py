@@ -187,7 +187,7 @@ def test_the_choice_of_the_epoch_is_reported_from_one_training(monkeypatch):
     """A choice on test is never worse on test than any other of the same trainings."""
     monkeypatch.setattr(paper_protocol, "TOGETHER", 2)
     monkeypatch.setattr(paper_protocol, "ALONE", {"tiny": merged(OWN_NETWORK, SMALL)})
-    study = paper_protocol._study("protocol", "t", paper_protocol.ALONE)
+    study = paper_protocol.protocol_study("protocol", "t", paper_protocol.ALONE)
     plan = StudyPlan(network_splits=1, epochs=4)
     units = study.units(plan)
     assert [len(unit.arguments["splits"]) for unit in units] == [2, 2]
@@ -231,10 +231,9 @@ def test_only_numbers_name_recordings_and_folders_are_sessions(clone):
 def test_no_page_of_a_users_clone_speaks_of_the_twin(clone, tmp_path, monkeypatch):
     monkeypatch.setattr("gyronorth.studies.published_transfer.SETS", 1)
     monkeypatch.setattr("gyronorth.studies.published_splits.ARCS", (5,))
-    monkeypatch.setattr("gyronorth.studies.benchmark.executor_on", at_once)
     plan = StudyPlan(data=str(clone), splits=2)
-    run_benchmark("published", tmp_path, plan=plan, only=("noise", "splits", "harm"))
-    run_benchmark("paper", tmp_path, plan=plan, only=("augmentation",))
+    run_benchmark("published", tmp_path, at_once(), plan=plan, only=("noise", "splits", "harm"))
+    run_benchmark("paper", tmp_path, at_once(), plan=plan, only=("augmentation",))
     assert len(write_study_figures(tmp_path)) == 2
     for path in [*tmp_path.glob("*.md"), *tmp_path.glob("*.json")]:
         text = path.read_text()

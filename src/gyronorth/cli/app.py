@@ -65,9 +65,9 @@ class Commands(TyperGroup):
 
 def with_bare_increments(arguments: list[str]) -> list[str]:
     """The arguments with `--increments` alone meaning those of both sensors."""
-    behind = [*arguments[1:], ""]
+    behind = [*arguments[1:], ""][: len(arguments)]
     return [
-        "--increments=both" if word == "--increments" and after not in ("gyro", "accel", "both") else word
+        "--increments=both" if word == "--increments" and after not in ("gyro", "accel", "both", "none") else word
         for word, after in zip(arguments, behind, strict=True)
     ]
 

@@ -41,6 +41,10 @@ ABOUT: dict[str, tuple[str, tuple[str, ...]]] = {
         RECORDING,
         ("gyronorth convert rec.bag -o rec.npz", "gyronorth convert rec.npz -o slow.csv --decimate-to 3"),
     ),
+    "import": (
+        RECORDING,
+        ("gyronorth import run.csv -o run.npz", "gyronorth import run.csv --yes --axes rfu -o run.npz"),
+    ),
     "simulate": (
         RECORDING,
         (
@@ -50,4 +54,5 @@ ABOUT: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "train": (RESEARCH, ("gyronorth train all --data FOLDER --latitude 32.11 -o my_bundle",)),
     "benchmark": (RESEARCH, ("gyronorth benchmark published -o results",)),
+    "published": (RESEARCH, ("gyronorth published -o published",)),
 }

@@ -10,7 +10,7 @@ from math import degrees, pi
 from pathlib import Path
 from typing import Any, Literal
 
-from gyronorth.estimate import Fitness, HeadingEstimate
+from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
 from gyronorth.live.estimation import LiveEstimate
 from gyronorth.live.holding import Held
@@ -18,7 +18,7 @@ from gyronorth.live.holding import Held
 #: waiting: no row has come yet. ended: the source has nothing more.
 State = Literal["waiting", "running", "stopped", "ended", "failed"]
 #: held: carried on by the gyro since the unit moved; the rest as of an estimate.
-LiveFitness = Fitness | Literal["held"]
+LiveFitness = Literal["aligning", "degraded", "valid", "held", "invalid"]
 #: A session that has not looked at its source for so long, s, answers for nothing.
 UNATTENDED = 3.0
 #: Half width of the 95 % interval of a normal law, sigma.

@@ -116,7 +116,8 @@ class Envelope:
         # The envelope before the group that each move belongs to, and the whole samples by which it has moved since.
         group = np.cumsum(begins)
         bases = np.concatenate([[base], floor[moved[begins]]])
-        moves = np.rint(floor[moved + 1] - bases[group]).astype(np.int64)
+        # Absurd stamps are bounded: no recording has so many samples.
+        moves = np.rint(np.clip(np.nan_to_num(floor[moved + 1] - bases[group]), -1e12, 1e12)).astype(np.int64)
         ends = np.append(begins[1:], True)
         nets = np.zeros(len(bases), dtype=np.int64)
         nets[group[ends]] = moves[ends]

@@ -27,6 +27,7 @@ NEAR_EARTH_RATE = 0.25
 #: A mean rate beyond this factor above or below Earth rate tells that it may be wrong.
 FAR_FROM_EARTH_RATE = 8.0
 #: Mean rates (in Earth rates) and angle random walks (rad/sqrt(s)) that no gyro at rest shows.
+COMMON_RATES = ("rad/s", "deg/s", "deg/h")
 IMPLAUSIBLE_LOW, IMPLAUSIBLE_HIGH = 0.1, 2000.0
 IMPLAUSIBLE_ARW = 30 * DEG_PER_SQRT_HOUR
 #: The same for the unit proposed in place of an implausible one.
@@ -81,7 +82,8 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
         near = abs(norm * factor - 1) < NEAR_EARTH_RATE and certain
         if near and vertical is not None and declared.latitude is not None:
             near = abs(vertical * factor / EARTH_RATE - np.sin(declared.latitude)) < NEAR_EARTH_RATE
-        if near and not 1 / FAR_FROM_EARTH_RATE < norm < FAR_FROM_EARTH_RATE:
+        far = not 1 / FAR_FROM_EARTH_RATE < norm < FAR_FROM_EARTH_RATE
+        if near and far and (implausible or unit in COMMON_RATES):
             likely.append(_words("gyro", unit, increments, declared))
         elif PROPOSED_LOW < norm * factor < PROPOSED_HIGH and (
             noise == 0 or PROPOSED_ARW_LOW < noise * factor < PROPOSED_ARW_HIGH

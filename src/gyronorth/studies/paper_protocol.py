@@ -165,11 +165,12 @@ def _report(networks: Mapping[str, Variant], leak: bool, plan: StudyPlan, result
     return Report(text, (Table("Choice of the epoch", columns, tuple(rows), note),))
 
 
-def _study(name: str, title: str, networks: Mapping[str, Variant], *, leak: bool = False) -> Study:
+def protocol_study(name: str, title: str, networks: Mapping[str, Variant], *, leak: bool = False) -> Study:
+    """A study of the choice of the epoch for some networks."""
     title = f"How 0.73 comes about: {title}"
     return Study(name, title, "paper", partial(_units, networks, leak), partial(_report, networks, leak), at_window)
 
 
-PROTOCOL = _study("protocol", "the choice of the epoch", ALONE)
-PROTOCOL_DENOISED = _study("protocol_denoised", "the choice of the epoch, with the denoiser", DENOISED)
-PROTOCOL_LEAK = _study("protocol_leak", "the tested recordings in training", {**ALONE, **DENOISED}, leak=True)
+PROTOCOL = protocol_study("protocol", "the choice of the epoch", ALONE)
+PROTOCOL_DENOISED = protocol_study("protocol_denoised", "the choice of the epoch, with the denoiser", DENOISED)
+PROTOCOL_LEAK = protocol_study("protocol_leak", "the tested recordings in training", {**ALONE, **DENOISED}, leak=True)

@@ -102,9 +102,9 @@ def test_both_networks_take_any_batch_size(exported):
     bundle = load_bundle(folder)
     for n in (1, 5):
         x = np.zeros((n, 40, 3))
-        assert bundle.heading.run(None, {"rate": x})[0].shape[0] == n
+        assert bundle.heading.run({"rate": x})[0].shape[0] == n
         t = np.full(n, 7)
-        assert bundle.denoiser.run(None, {"x": x.astype(np.float32), "t": t})[0].shape == (n, 40, 3)
+        assert bundle.denoiser.run({"x": x.astype(np.float32), "t": t})[0].shape == (n, 40, 3)
 
 
 def test_a_bundle_read_again_is_the_same(exported, tmp_path):

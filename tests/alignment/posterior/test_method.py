@@ -32,7 +32,7 @@ def test_a_broken_unit_and_a_wrong_latitude_are_no_scale_of_the_profile(seed):
         found = heading(recording(sensor, 20, seed), latitude=np.radians(70), sensor=sensor, method="posterior")
         codes = {reason.code for reason in found.reasons}
         # Of sdc500 the interval may be wider than what tells north from south as well, or instead.
-        assert "implied_latitude" in codes or (sensor == "sdc500" and "near_pole" in codes)
+        assert "implied_latitude" in codes or (sensor == "sdc500" and codes & {"near_pole", "too_noisy"})
 
 
 def test_the_parts_of_sigma_are_its_root_sum_square():

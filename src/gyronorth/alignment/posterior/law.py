@@ -37,7 +37,7 @@ TILT, TILT_UNSEEN = 0.5, 0.03
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.1, (1.0, 3.0, 10.0, 30.0)
+SETTLING, SETTLING_SIZES = 0.08, (1.0, 3.0, 10.0, 30.0)
 SETTLING_SIZE_PRIOR = (0.3, 0.3, 0.28, 0.12)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
@@ -108,18 +108,29 @@ def law(seconds: float, sensor: Sensor, *, accel: bool, bumped: tuple[int, ...] 
 
 
 def law_of(
-    seconds: float, sensor: Sensor, *, accel: bool, bumped: tuple[int, ...] = (), white: Array | None = None
+    seconds: float,
+    sensor: Sensor,
+    *,
+    accel: bool,
+    bumped: tuple[int, ...] = (),
+    white: Array | None = None,
+    tones: tuple[tuple[float, float], ...] = (),
 ) -> Law:
-    """The same with another covariance of the block means' white noise, (COUNT, COUNT), where there are no forces."""
+    """The same with another covariance of the block means' white noise, (COUNT, COUNT), where there are no forces.
+
+    `tones` are frequencies, Hz, and sizes, rad/s, of sway, of which the accelerometer sees the tilt.
+    """
     gyro, duration = sensor.gyro, seconds * COUNT
     scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
     shapes = _shapes(seconds, scale, accel=accel)
     both = block_operators(seconds, accel=accel)
     samples = both @ _white(gyro, seconds) @ both.T if white is None else white
+    swaying = sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
     noise = [samples + _drift(gyro, factor, seconds, accel=accel) for factor in DRIFTS]
     for own in noise:
         own[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
         own[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
+        own[:COUNT, :COUNT] += swaying
     if accel:
         edges = np.arange(COUNT + 1)
         level = replace(sensor.accel, turn_on_bias=0.0)
@@ -156,6 +167,15 @@ def law_of(
         shapes=shapes,
         bias=scale,
     )
+
+
+def _tone(seconds: float, frequency: float, size: float) -> Array:
+    """Covariance of block means of a rate that sways at about `frequency`, Hz, in any phase; `size`, rad/s, rms."""
+    near = frequency + np.array([-0.25, 0.25]) / (seconds * COUNT)
+    phase = 2 * np.pi * (np.arange(COUNT) + 0.5) * seconds * near[:, None, None]
+    wave = np.concatenate([np.cos(phase), np.sin(phase)]) * np.sinc(near * seconds)[[0, 1, 0, 1], None, None]
+    columns = wave[:, 0].T * size
+    return np.asarray(columns @ columns.T / 2, dtype=float)
 
 
 def _white(gyro: TriadErrors, seconds: float) -> Array:

@@ -1,4 +1,7 @@
-"""The posterior of the heading: every hypothesis weighed by what gyro and accelerometer show, headings averaged."""
+"""The posterior of the heading: every hypothesis weighed by what gyro and accelerometer show, headings averaged.
+
+Longer than 400 lines: hypotheses, their weights and what is told of them are one derivation.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,14 @@ from gyronorth.alignment.posterior.density import Density, log_i0e, mixture
 from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, Axis, Law, law, law_of, unit_bias
 from gyronorth.alignment.posterior.tones import (
     BUMP,
+    TONES,
     Cleaned,
     Propose,
     bumped_blocks,
     by_periodogram,
     cleaned,
     shows_tones,
+    strongest,
 )
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
@@ -172,7 +177,9 @@ def _one(
         each = float(np.log(BUMP * blocks.duration / 100 / COUNT))
         bumps += [(hit, len(hit) * each) for hit in bumped_blocks(blocks.fine_l[index])]
     fine, gyro = blocks.fine_l[index], scales.sensor.gyro
-    if trace is None and shows_tones(fine, rate_hz=rate_hz, errors=gyro):
+    sways = shows_tones(fine, rate_hz=rate_hz, errors=gyro)
+    lines = strongest(fine, rate_hz=rate_hz) if sways and trace is not None else []
+    if trace is None and sways:
         explained = cleaned(
             fine, (propose() if propose else None) or by_periodogram, rate_hz=rate_hz, errors=scales.sensor.gyro
         )
@@ -192,6 +199,12 @@ def _one(
                 seen = weigh(law_, one.rate_l, None)
             weight = float(np.log(prior)) + one.log_weight
             found.append(Weighed(law_, *seen, weight, float(white), one.tones, one.bumped / rate_hz))
+        for number in range(1, len(lines) + 1):
+            for accel in accels:
+                law_ = law_of(blocks.seconds, replace(scaled, accel=accel), accel=True, tones=tuple(lines[:number]))
+                seen = weigh(law_, blocks.rate_l[index], trace)
+                weight = float(np.log(prior / len(accels) * TONES[number] / TONES[0]))
+                found.append(Weighed(law_, *seen, weight, float(white), number, 0.0))
         for accel, (blocks_bumped, chance) in product(accels, bumps if not explained else ()):
             law_ = law(blocks.seconds, replace(scaled, accel=accel), accel=trace is not None, bumped=blocks_bumped)
             masked_s = len(blocks_bumped) * blocks.seconds

@@ -105,6 +105,20 @@ def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
     return [tuple(sorted(order[:count])) for count in BUMPED if count <= len(order)]
 
 
+def strongest(fine_l: Array, *, rate_hz: float) -> list[tuple[float, float]]:
+    """Frequency, Hz, and rms size, rad/s, of the two strongest lines of one recording (n, 3) that are apart."""
+    n = len(fine_l)
+    taper = np.hanning(n)[:, None]
+    wave = np.fft.rfft(taper * (fine_l - fine_l.mean(axis=0)), n=4 * n, axis=0)
+    power = np.sum(np.abs(wave) ** 2, axis=1)
+    found: list[tuple[float, float]] = []
+    for _ in range(2):
+        at = int(np.argmax(power))
+        found.append((at * rate_hz / (4 * n), float(np.sqrt(2 * power[at] / 3) / taper.sum())))
+        power[max(at - 10, 0) : at + 11] = 0.0
+    return found
+
+
 def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors) -> list[Cleaned]:
     """Explanations of one recording (q COUNT, 3), the first that without tones and bumps."""
     white = white_of(fine_l) / np.sqrt(rate_hz)

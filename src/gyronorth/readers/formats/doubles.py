@@ -85,7 +85,7 @@ def open_doubles(path: Path, options: ReadOptions) -> Source:
         blocks=lambda: _blocks(values, pick),
         stated=Facts(),
         usual=Facts(gyro_unit="rad/s", accel_unit="m/s2", axes=axes, increments="both"),
-        clock=Clock(unit=1.0, name=f"number {pick[0]} of each row"),
+        clock=Clock(unit=1.0, name=f"number {pick[0]} of each row", known=True),
         parts=Parts(len(values), exact=True, block=BLOCK_ROWS, read=part),
         read_as=f"{found}: rows of {np.dtype(dtype).itemsize}-byte numbers, increments (rad, m/s)",
     )
