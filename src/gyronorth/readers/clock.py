@@ -223,7 +223,8 @@ def _of_bursts(step: NDArray[np.float64]) -> float:
         return float(step.mean())
     rows, middle = np.diff(begins), np.median(np.diff(begins))
     periods = np.diff(np.cumsum(step)[begins])
-    return float(np.median(periods) / rows[np.abs(rows - middle) <= USUAL * middle].mean())
+    usual = rows[np.abs(rows - middle) <= USUAL * middle]
+    return float(np.median(periods) / (usual.mean() if len(usual) else middle))
 
 
 def _straight(step: NDArray[np.float64], unit: float | None) -> float | None:
