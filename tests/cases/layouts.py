@@ -141,7 +141,7 @@ def of_the_sniffer() -> list[Layout]:
         Layout("comment_within.csv", text([*STATED, OURS]).replace(b"\n5.000", b"\n# 5 s\n5.000")),
         Layout("footer_comment.csv", text([*STATED, OURS], foot="# end of log\n")),
         Layout("footer.csv", text([TITLED], foot="END OF DATA\nTotal samples: 1500\n"), FRD, says="2 lines of footer"),
-        Layout("units_row.csv", text(["Time,GyroX,GyroY,GyroZ,AccX,AccY,AccZ", 
+        Layout("units_row.csv", text(["Time,GyroX,GyroY,GyroZ,AccX,AccY,AccZ",
                "s,deg/s,deg/s,deg/s,m/s^2,m/s^2,m/s^2"]), FRD, says="a row of units"),
         Layout("units_row_brackets.csv", text(["Time,GyroX,GyroY,GyroZ,AccX,AccY,AccZ",
                "[ms],[rad/s],[rad/s],[rad/s],[g],[g],[g]"], (whole(1e3), *GYRO.T, *G.T), TEXT_TIME_SI), FRD),
@@ -305,7 +305,7 @@ def of_programs() -> list[Layout]:
         for kind, (x, y, z) in (("UncalAccel", flu_accel[i]), ("UncalGyro", flu_gyro[i]))
     ]
     android = "MessageType,utcTimeMillis,MeasurementX,MeasurementY,MeasurementZ,BiasX,BiasY,BiasZ"
-    dot = ["sep=,", "DeviceTag:,Xsens DOT", "FirmwareVersion:,2.0.0", "OutputRate:,100Hz", "", 
+    dot = ["sep=,", "DeviceTag:,Xsens DOT", "FirmwareVersion:,2.0.0", "OutputRate:,100Hz", "",
            "PacketCounter,SampleTimeFine,"
            "Gyr_X,Gyr_Y,Gyr_Z,Acc_X,Acc_Y,Acc_Z"]  # fmt: skip
     return [
