@@ -455,7 +455,7 @@ def test_a_bad_line_costs_no_good_row():
     assert figures["in_order_and_nothing_else"]
     assert figures["garbage_counted"] > 0
     assert (figures["reconnects"], figures["restarts"]) == (3, 0)
-    assert figures["difference_deg"] < 0.01
+    assert figures["difference_deg"] < 0.05
 
 
 def test_after_kill_9_the_file_holds_whole_rows_and_all_that_had_come(tmp_path):
