@@ -314,10 +314,11 @@ def main(words: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks league", description="gyronorth beside its peers.")
     parser.add_argument("--runs", type=int, default=60, help="recordings of a set")
     parser.add_argument("--output", type=Path, default=Path("out/league"), help="folder of league.csv and league.md")
+    parser.add_argument("--without", action="append", default=[], choices=list(PROGRAMS), help="leave a program out")
     chosen = parser.parse_args(words)
     rows = []
     for data in sets(chosen.runs):
-        for program in PROGRAMS:
+        for program in (name for name in PROGRAMS if name not in chosen.without):
             rows.append(row(data, program))
             print(rows[-1], flush=True)
     chosen.output.mkdir(parents=True, exist_ok=True)

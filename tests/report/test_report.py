@@ -20,6 +20,7 @@ from gyronorth.catalogue import NMEA_SETS
 from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, DisturbanceFound, HeadingEstimate, Pose, Turn
 from gyronorth.findings import Finding
+from gyronorth.many.table import STAMPS, write_table
 from gyronorth.report import figures, nmea, tables, terminal, wording
 from gyronorth.report.html import heading_page
 from gyronorth.report.tables import Outcome
@@ -164,9 +165,9 @@ class TestTables:
             Outcome("bad.csv", REFUSED),
             Outcome("broken.csv", message='Row 3 of broken.csv: "x" is not a number.'),
         ]
-        tables.write_csv(outcomes, tmp_path / "out.csv")
+        write_table(tmp_path / "out.csv", "{}", outcomes)
         good, bad, broken = csv.DictReader((tmp_path / "out.csv").read_text().splitlines())
-        assert tuple(good) == tables.COLUMNS
+        assert tuple(good) == (*tables.COLUMNS, *STAMPS)
         assert (good["file"], good["valid"], good["reasons"]) == ("good, of 1.csv", "true", "")
         assert float(good["heading_deg"]) == pytest.approx(40.31)
         assert float(good["error_deg"]) == pytest.approx(-2.69)
@@ -181,12 +182,15 @@ class TestTables:
         path = tmp_path / "out.csv"
         path.write_text("before")
 
-        def fail(*_):
-            raise OSError(28, "No space left on device")
+        class Full:
+            """A writer of rows to a full disk."""
 
-        monkeypatch.setattr(csv.DictWriter, "writerows", fail)
+            def writerow(self, _):
+                raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(csv, "writer", lambda *_, **__: Full())
         with pytest.raises(InputError, match=r"out\.csv cannot be written: No space left"):
-            tables.write_csv([Outcome("a", VALID)], path)
+            write_table(path, "{}", [Outcome("a", VALID)])
         assert path.read_text() == "before"
         assert [entry.name for entry in tmp_path.iterdir()] == ["out.csv"]
 
@@ -411,5 +415,5 @@ def test_a_gyro_that_does_not_vary_has_a_figure():
 
 
 def test_a_file_name_that_is_no_utf8(tmp_path):
-    tables.write_csv([Outcome("a\udcff.csv", VALID)], tmp_path / "out.csv")
+    write_table(tmp_path / "out.csv", "{}", [Outcome("a\udcff.csv", VALID)])
     assert r"a\udcff.csv" in (tmp_path / "out.csv").read_text()

@@ -15,6 +15,7 @@ from gyronorth.readers.clock import Envelope, measure, width_of
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Source
+from gyronorth.readers.waiting import Rows, first_run, repeats
 from gyronorth.recording import Gap
 
 #: Largest plausible angular rate, rad/s (2005 deg/s, the range of the fastest gyros), and specific force, m/s^2.
@@ -98,7 +99,7 @@ class GridBuilder:
         self._last_seen: NDArray[np.float64] | None = None  # values of the last row in order
         self._last_values: NDArray[np.float64] | None = None  # of the last row on the grid
         self._last_stamp = 0.0  # of the last row on the grid
-        self._waiting = _Rows.none(len(declared.scale(1.0)))
+        self._waiting = Rows.none(len(declared.scale(1.0)))
         self._scatter = (0, 0.0)  # steps since `jitter` was taken, sum of their squares about the interval
         self._described: list[tuple[int, str]] = []
 
@@ -129,7 +130,7 @@ class GridBuilder:
                 data, rows, stamps = data[:end][ordered[:end]], rows[:end][ordered[:end]], stamps[:end][ordered[:end]]
         if block.flags is not None and block.flags.any():
             self._marks.append((block.rows, block.flags))
-        self._waiting = self._waiting.followed_by(_Rows(data, rows, stamps, np.concatenate(bad), tuple(reasons)))
+        self._waiting = self._waiting.followed_by(Rows(data, rows, stamps, np.concatenate(bad), tuple(reasons)))
         samples = self._placed(stamps, last=restart is not None)
         if restart is not None and not self.done:
             self.raise_bad()
@@ -230,7 +231,7 @@ class GridBuilder:
             finite = np.isfinite(time)
             time, data = time[finite], data[finite]
             step = self._differences(time)
-            twice = np.zeros(len(step), dtype=bool) if (step != 0).all() else _repeats(step, data)
+            twice = np.zeros(len(step), dtype=bool) if (step != 0).all() else repeats(step, data)
             interval = measure(step[~twice], unit=clock.unit)
             if interval is None and (self.rate_hz is None or len(time) > 1):
                 raise InputError(self._timeless(time, clock.name))
@@ -381,9 +382,9 @@ class GridBuilder:
             ordered[:-1] &= ~(falls_back & (step[:-1] > 1.5 * interval))
             latest = np.maximum.accumulate(np.concatenate([[self._stamp], np.where(ordered, stamps, -np.inf)]))[:-1]
             seen = data[:1] if self._last_seen is None else self._last_seen[None]
-            twice = _repeats(step, np.concatenate([seen, data])) & (step == 0)
+            twice = repeats(step, np.concatenate([seen, data])) & (step == 0)
             ordered &= (stamps >= latest) & ~twice
-            at = _first_run(stamps < latest, RESTART_ROWS)
+            at = first_run(stamps < latest, RESTART_ROWS)
             end = len(time) if at is None else at
             name = self._source.clock.name if self._source.clock else ""
             if at is not None:
@@ -533,68 +534,3 @@ class GridBuilder:
         self._described += [(row, known.get(row, "it does not hold a usable number in each column")) for row in counted]
         if not self._options.drop_bad_rows and self.rows_dropped > PATIENCE:
             self.raise_bad()
-
-
-@dataclass(frozen=True)
-class _Rows:
-    """Rows in order of time whose places on the grid are not settled, and the bad ones among them."""
-
-    data: NDArray[np.float64]  # (m, 3) or (m, 6) SI
-    numbers: NDArray[np.int64]  # (m,) as the user counts rows
-    stamps: NDArray[np.float64]  # (m,) in units of the clock, without wraps
-    bad: NDArray[np.int64]  # numbers of bad rows
-    reasons: tuple[tuple[int, str], ...]
-
-    @classmethod
-    def none(cls, width: int) -> _Rows:
-        """No row."""
-        nothing = np.zeros(0, dtype=np.int64)
-        return cls(np.zeros((0, width)), nothing, np.zeros(0), nothing, ())
-
-    def followed_by(self, other: _Rows) -> _Rows:
-        """Both, `other` last."""
-        if len(self.numbers) == len(self.bad) == 0:
-            return other
-        return _Rows(
-            np.concatenate([self.data, other.data]),
-            np.concatenate([self.numbers, other.numbers]),
-            np.concatenate([self.stamps, other.stamps]),
-            np.concatenate([self.bad, other.bad]),
-            self.reasons + other.reasons,
-        )
-
-    def split(self, count: int, *, last: bool) -> tuple[_Rows, _Rows]:
-        """The first `count` rows, with the bad ones before the next row (with `last` all bad ones), and the rest."""
-        if last:
-            return self, _Rows.none(self.data.shape[1])
-        limit = int(self.numbers[count])
-        early = self.bad < limit
-        return (
-            _Rows(
-                self.data[:count],
-                self.numbers[:count],
-                self.stamps[:count],
-                self.bad[early],
-                tuple(reason for reason in self.reasons if reason[0] < limit),
-            ),
-            _Rows(
-                self.data[count:],
-                self.numbers[count:],
-                self.stamps[count:],
-                self.bad[~early],
-                tuple(reason for reason in self.reasons if reason[0] >= limit),
-            ),
-        )
-
-
-def _repeats(step: NDArray[np.float64], data: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which steps, shape (n,), between rows of data, shape (n + 1, k), lead to the same time and the same values."""
-    return (step == 0) & (data[1:] == data[:-1]).all(axis=1)
-
-
-def _first_run(flags: NDArray[np.bool_], length: int) -> int | None:
-    """Where the first run of at least `length` true flags begins; None where there is none."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
-    begins, ends = edges[::2], edges[1::2]
-    long = np.flatnonzero(ends - begins >= length)
-    return int(begins[long[0]]) if len(long) else None

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from gyronorth.files import written_beside
 
 if TYPE_CHECKING:
     from gyronorth.estimate import HeadingEstimate
@@ -97,29 +92,3 @@ class Outcome:
         if self.estimate is None or self.estimate.heading is None:
             return true_deg, None
         return true_deg, degrees(float(angle_error(self.estimate.heading, self.heading_true)))
-
-
-def write_csv(outcomes: Sequence[Outcome], path: Path) -> None:
-    """Write one row per outcome under the header `COLUMNS`."""
-    write_rows([outcome.row() for outcome in outcomes], COLUMNS, path)
-
-
-def write_rows(rows: Iterable[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
-    """Write rows as CSV (RFC 4180 quoting, UTF-8, plain line feeds)."""
-    with (
-        written_beside(path) as part,
-        part.open(
-            "w",
-            newline="",
-            encoding="utf-8",
-            errors="backslashreplace",  # a file name may be no UTF-8
-        ) as file,
-    ):
-        writer = csv.DictWriter(file, columns, lineterminator="\n", restval="")
-        writer.writeheader()
-        writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
-
-
-def _cell(value: Any) -> Any:
-    """A text that a spreadsheet would take for a formula behind an apostrophe, which it takes for a text."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value

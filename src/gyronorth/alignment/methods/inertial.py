@@ -13,10 +13,6 @@ from gyronorth.alignment.result import Result
 from gyronorth.catalogue import method_info
 from gyronorth.uncertainty import NORMAL_975, STUDENT14_975
 
-#: Inertial variance over the mean's noise below which the gyro's noise is motion: at rest it is
-#: at least 1.2, and its estimate on 16 degrees of freedom is below a quarter of that in 1e-4.
-MOTION_RATIO = 0.3
-
 
 class Inertial:
     """Gravity traced in an inertial frame."""
