@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 
 import numpy as np
 
@@ -76,7 +77,7 @@ class Shapes:
 class Axis:
     """Whitened bases of one kind of axis."""
 
-    whiten: Array  # (b, d, d) lower triangular
+    whiten: Array  # (b, d, d) root of the inverse covariance
     constant: Array  # (b, d) whitened
     columns: Array  # (b, d, c) whitened
     information: Array  # (b,) of the constant
@@ -123,47 +124,34 @@ def law_of(
     gyro, duration = sensor.gyro, seconds * COUNT
     scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
     shapes = _shapes(seconds, scale, accel=accel)
-    both = block_operators(seconds, accel=accel)
-    samples = both @ _white(gyro, seconds) @ both.T if white is None else white
-    swaying = sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
-    noise = [samples + _drift(gyro, factor, seconds, accel=accel) for factor in DRIFTS]
-    for own in noise:
-        own[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
-        own[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
-        own[:COUNT, :COUNT] += swaying
+    samples = _white(gyro.white, gyro.quantisation, seconds, accel=accel) if white is None else white
+    base = samples.copy()
+    base[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
+    base[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
+    base[:COUNT, :COUNT] += sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
     if accel:
-        edges = np.arange(COUNT + 1)
-        level = replace(sensor.accel, turn_on_bias=0.0)
-        force = NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
-        for own in noise:
-            own[COUNT:, COUNT:] += force + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
+        base[COUNT:, COUNT:] += _force(sensor.accel, seconds) + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
+    noise = np.array(
+        [base + factor**2 * _drift(_drifting(gyro, seconds, factor), seconds, accel=accel) for factor in DRIFTS]
+    )
     some = SWAY if accel else SWAY_UNSEEN
     sizes, lags = (SWAYS, SWAY_TIMES) if white is None else (SWAYS_LEFT, SWAY_TIMES_LEFT)
     sways = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
-    motion = [size**2 * _motion(seconds, time * duration) for size, time in sways]
-    bases = [
-        (own, moved, d, tilt) for d, own in enumerate(noise) for (tilt, _), moved in zip(sways, motion, strict=True)
-    ]
-    covariances = np.array([_added(own, moved) for own, moved, _, _ in bases])
-    prior = [np.log(1 - some) if tilt == 0 else np.log(some / (len(sways) - 1)) for _, _, _, tilt in bases]
+    motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
+    pairs = list(product(range(len(DRIFTS)), sways))
+    prior = [np.log(1 - some) if tilt == 0 else np.log(some / (len(sways) - 1)) for _, (tilt, _) in pairs]
     yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
-    upright: list[Array] = []
-    yaw_drift: list[int] = []
-    yaw_prior: list[float] = []
-    for d, own in enumerate(noise):
-        for yaw, time in yaws:
-            upright.append(own[:COUNT, :COUNT] + yaw**2 * _motion(seconds, time * duration))
-            yaw_drift.append(d)
-            yaw_prior.append(np.log(0.8) if yaw == 0 else np.log(0.2 / (len(yaws) - 1)))
+    turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
+    yaw_prior = [np.log(0.8) if yaw == 0 else np.log(0.2 / (len(yaws) - 1)) for yaw, _ in yaws]
     walk = _walk_modes() * scale
     return Law(
-        horizontal=_axis(covariances, shapes.gyro, shapes.trace if accel else None, walk, seconds),
-        vertical=_axis(np.array(upright), shapes.gyro, None, walk, seconds),
-        drift=np.array([d for _, _, d, _ in bases]),
-        sway=np.array([tilt for _, _, _, tilt in bases]),
+        horizontal=_axis(noise, motion, shapes.gyro, shapes.trace if accel else None, walk, seconds),
+        vertical=_axis(noise[:, :COUNT, :COUNT], turning, shapes.gyro, None, walk, seconds),
+        drift=np.array([d for d, _ in pairs]),
+        sway=np.array([tilt for _, (tilt, _) in pairs]),
         log_prior=np.array(prior),
-        yaw_drift=np.array(yaw_drift),
-        yaw_log_prior=np.array(yaw_prior),
+        yaw_drift=np.repeat(np.arange(len(DRIFTS)), len(yaws)),
+        yaw_log_prior=np.tile(yaw_prior, len(DRIFTS)),
         shapes=shapes,
         bias=scale,
     )
@@ -178,20 +166,37 @@ def _tone(seconds: float, frequency: float, size: float) -> Array:
     return np.asarray(columns @ columns.T / 2, dtype=float)
 
 
-def _white(gyro: TriadErrors, seconds: float) -> Array:
-    fine = np.arange(FINE * COUNT + 1)
-    return NoiseLaw(gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, drift=False)
+@lru_cache(maxsize=64)
+def _white(white: float, quantisation: float, seconds: float, *, accel: bool) -> Array:
+    """Covariance of the noise without memory."""
+    errors = TriadErrors(white=white, quantisation=quantisation)
+    return _blocked(NoiseLaw(errors), seconds, accel=accel)
+
+
+def _drifting(gyro: TriadErrors, seconds: float, factor: float) -> TriadErrors:
+    """The in-run drift alone; of a profile without any, in units of its bias where it is looked for."""
+    flicker = gyro.flicker
+    if gyro.flicker == 0 and gyro.random_walk == 0 and factor > 1:
+        flicker = max(0.1 * gyro.turn_on_bias, 0.02 * gyro.white / np.sqrt(seconds))
+    return replace(gyro, white=0.0, quantisation=0.0, turn_on_bias=0.0, flicker=flicker)
 
 
 @lru_cache(maxsize=64)
-def _drift(gyro: TriadErrors, factor: float, seconds: float, *, accel: bool) -> Array:
-    """Covariance of the in-run drift, `factor` times the profile's; of a profile without any, in units of its bias."""
-    fine = np.arange(FINE * COUNT + 1)
-    errors = replace(gyro, flicker=gyro.flicker * factor, random_walk=gyro.random_walk * factor)
-    if gyro.flicker == 0 and gyro.random_walk == 0 and factor > 1:
-        errors = replace(errors, flicker=factor * max(0.1 * gyro.turn_on_bias, 0.02 * gyro.white / np.sqrt(seconds)))
-    both = block_operators(seconds, accel=accel)
-    return both @ NoiseLaw(errors).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, white=False) @ both.T
+def _drift(drifting: TriadErrors, seconds: float, *, accel: bool) -> Array:
+    return _blocked(NoiseLaw(drifting), seconds, accel=accel)
+
+
+def _blocked(noise: NoiseLaw, seconds: float, *, accel: bool) -> Array:
+    """Covariance of block means of the rate, then of its integral."""
+    fine, both = np.arange(FINE * COUNT + 1), block_operators(seconds, accel=accel)
+    return both @ noise.mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
+
+
+@lru_cache(maxsize=64)
+def _force(accel: TriadErrors, seconds: float) -> Array:
+    """Covariance of the tilt that the accelerometer sees without moving, block means, rad^2."""
+    edges, level = np.arange(COUNT + 1), replace(accel, turn_on_bias=0.0)
+    return NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
 
 
 @lru_cache(maxsize=8)
@@ -202,12 +207,6 @@ def block_operators(seconds: float, *, accel: bool) -> Array:
         return mean
     integral = (np.tri(FINE * COUNT) - 0.5 * np.eye(FINE * COUNT)) * seconds / FINE
     return np.concatenate([mean, np.asarray(mean @ integral, dtype=float)])
-
-
-def _added(own: Array, moved: Array) -> Array:
-    total = own.copy()
-    total[:COUNT, :COUNT] += moved
-    return total
 
 
 @lru_cache(maxsize=64)
@@ -284,24 +283,43 @@ def settling_share(tau: float) -> float:
     return FAST_SHARE / fast if tau <= FAST else (1 - FAST_SHARE) / (len(SETTLING_TIMES) - fast)
 
 
-def _axis(covariances: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float) -> Axis:
-    factor = np.linalg.cholesky(covariances)
-    whiten: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+def _axis(noise: Array, motion: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float) -> Axis:
+    """Bases of each noise (n, d, d) with each motion (m, COUNT, COUNT), which the rate has and the trace has not.
+
+    The trace is whitened first, once for each noise, and the rate given the trace for each motion.
+    """
+    n, d, m = len(noise), noise.shape[1], len(motion)
     constant, columns, modes = np.ones(COUNT), gyro, walk
+    rate, log_det = noise[:, :COUNT, :COUNT], np.zeros(n)
+    whiten = np.zeros((n, m, d, d))
     if trace is not None:
         integral = (np.tri(COUNT) - 0.5 * np.eye(COUNT)) * seconds
         constant = np.concatenate([constant, integral @ constant])
         columns, modes = np.concatenate([gyro, trace]), np.concatenate([walk, integral @ walk])
+        factor = np.linalg.cholesky(noise[:, COUNT:, COUNT:])
+        root: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+        share = root @ noise[:, COUNT:, :COUNT]
+        rate = rate - np.swapaxes(share, 1, 2) @ share
+        whiten[:, :, COUNT:, COUNT:] = root[:, None]
+        beside = np.swapaxes(share, 1, 2) @ root
+        log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    factor = np.linalg.cholesky(rate[:, None] + motion)
+    own: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+    whiten[:, :, :COUNT, :COUNT] = own
+    if trace is not None:
+        whiten[:, :, :COUNT, COUNT:] = -own @ beside[:, None]
+    half_log_det = log_det[:, None] + np.sum(np.log(np.diagonal(factor, axis1=2, axis2=3)), axis=2)
+    whiten = whiten.reshape(n * m, d, d)
     one, shaped = whiten @ constant, whiten @ columns
     return Axis(
         whiten=whiten,
         constant=one,
         columns=shaped,
         information=np.sum(one**2, axis=1),
-        cross=np.einsum("bd,bdc->bc", one, shaped),
+        cross=(one[:, None, :] @ shaped)[:, 0],
         square=np.sum(shaped**2, axis=1),
         walk=whiten @ modes,
-        half_log_det=np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
+        half_log_det=half_log_det.ravel(),
     )
 
 
