@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import product
 
 import numpy as np
 
@@ -27,7 +26,7 @@ DRIFT_PRIOR = (0.04, 0.06, 0.85, 0.035, 0.015)
 #: Broadband motion: tilt, rad rms per axis, and correlation time over the duration.
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
-#: Where tones were fitted, broadband motion is what they leave: every second size at two of the times.
+#: Where tones or bumps were fitted, broadband motion is what they leave: every second size at two of the times.
 SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
 #: Probability of broadband motion, with and without an accelerometer that would show it.
 SWAY, SWAY_UNSEEN = 0.08, 0.05
@@ -44,7 +43,8 @@ SETTLING_SIZE_PRIOR = (0.3, 0.3, 0.28, 0.12)
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
 WALK, WALK_SIZES, WALK_MODES = 0.02, (3.0, 10.0), 6
-#: Yaw of the platform: rms, rad, and correlation time over the duration.
+#: Yaw of the platform: probability, rms, rad, and correlation time over the duration.
+YAW = 0.2
 YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
 YAW_TIMES = (0.01, 0.1, 1.0)
 #: Rotation of a bump, rad.
@@ -135,26 +135,40 @@ def law_of(
         [base + factor**2 * _drift(_drifting(gyro, seconds, factor), seconds, accel=accel) for factor in DRIFTS]
     )
     some = SWAY if accel else SWAY_UNSEEN
-    sizes, lags = (SWAYS, SWAY_TIMES) if white is None else (SWAYS_LEFT, SWAY_TIMES_LEFT)
+    fitted = white is not None or bool(tones) or bool(bumped)
+    sizes, lags = (SWAYS_LEFT, SWAY_TIMES_LEFT) if fitted else (SWAYS, SWAY_TIMES)
     sways = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
     motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
-    pairs = list(product(range(len(DRIFTS)), sways))
-    prior = [np.log(1 - some) if tilt == 0 else np.log(some / (len(sways) - 1)) for _, (tilt, _) in pairs]
     yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
     turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
-    yaw_prior = [np.log(0.8) if yaw == 0 else np.log(0.2 / (len(yaws) - 1)) for yaw, _ in yaws]
-    walk = _walk_modes() * scale
+    base_drift, base_sway = _paired(len(sways))
+    yaw_drift, base_yaw = _paired(len(yaws))
+    walk, trace = _walk_modes() * scale, shapes.trace if accel else None
     return Law(
-        horizontal=_axis(noise, motion, shapes.gyro, shapes.trace if accel else None, walk, seconds),
-        vertical=_axis(noise[:, :COUNT, :COUNT], turning, shapes.gyro, None, walk, seconds),
-        drift=np.array([d for d, _ in pairs]),
-        sway=np.array([tilt for _, (tilt, _) in pairs]),
-        log_prior=np.array(prior),
-        yaw_drift=np.repeat(np.arange(len(DRIFTS)), len(yaws)),
-        yaw_log_prior=np.tile(yaw_prior, len(DRIFTS)),
+        horizontal=_axis(noise, base_drift, motion[base_sway], shapes.gyro, trace, walk, seconds),
+        vertical=_axis(noise[:, :COUNT, :COUNT], yaw_drift, turning[base_yaw], shapes.gyro, None, walk, seconds),
+        drift=base_drift,
+        sway=np.array([tilt for tilt, _ in sways])[base_sway],
+        log_prior=_log_prior(some, base_drift, base_sway),
+        yaw_drift=yaw_drift,
+        yaw_log_prior=_log_prior(YAW, yaw_drift, base_yaw),
         shapes=shapes,
         bias=scale,
     )
+
+
+def _paired(motions: int) -> tuple[Index, Index]:
+    """Numbers of drift and motion of each base: what drifts less than its profile is only told where nothing moves."""
+    pairs = [(d, m) for d, factor in enumerate(DRIFTS) for m in range(motions) if factor >= 1 or m == 0]
+    drift, motion = np.array(pairs).T
+    return drift, motion
+
+
+def _log_prior(some: float, drift: Index, motion: Index) -> Array:
+    """Log probability of each base's motion given its drift, that of any motion being `some`."""
+    moving = np.bincount(drift, weights=motion > 0)[drift]
+    still = np.where(moving > 0, 1 - some, 1.0)
+    return np.asarray(np.log(np.where(motion > 0, some / np.maximum(moving, 1), still)), dtype=float)
 
 
 def _tone(seconds: float, frequency: float, size: float) -> Array:
@@ -283,15 +297,17 @@ def settling_share(tau: float) -> float:
     return FAST_SHARE / fast if tau <= FAST else (1 - FAST_SHARE) / (len(SETTLING_TIMES) - fast)
 
 
-def _axis(noise: Array, motion: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float) -> Axis:
-    """Bases of each noise (n, d, d) with each motion (m, COUNT, COUNT), which the rate has and the trace has not.
+def _axis(
+    noise: Array, drift: Index, motion: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float
+) -> Axis:
+    """Bases of noises (n, d, d), by number (b,), with motions (b, COUNT, COUNT): the rate has them, the trace not.
 
-    The trace is whitened first, once for each noise, and the rate given the trace for each motion.
+    The trace is whitened first, once for each noise, and the rate given the trace for each base.
     """
-    n, d, m = len(noise), noise.shape[1], len(motion)
+    n, d = len(noise), noise.shape[1]
     constant, columns, modes = np.ones(COUNT), gyro, walk
-    rate, log_det = noise[:, :COUNT, :COUNT], np.zeros(n)
-    whiten = np.zeros((n, m, d, d))
+    rate, log_det, beside = noise[:, :COUNT, :COUNT], np.zeros(n), np.zeros((n, COUNT, COUNT))
+    whiten = np.zeros((len(drift), d, d))
     if trace is not None:
         integral = (np.tri(COUNT) - 0.5 * np.eye(COUNT)) * seconds
         constant = np.concatenate([constant, integral @ constant])
@@ -300,16 +316,14 @@ def _axis(noise: Array, motion: Array, gyro: Array, trace: Array | None, walk: A
         root: Array = np.asarray(np.linalg.inv(factor), dtype=float)
         share = root @ noise[:, COUNT:, :COUNT]
         rate = rate - np.swapaxes(share, 1, 2) @ share
-        whiten[:, :, COUNT:, COUNT:] = root[:, None]
+        whiten[:, COUNT:, COUNT:] = root[drift]
         beside = np.swapaxes(share, 1, 2) @ root
         log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-    factor = np.linalg.cholesky(rate[:, None] + motion)
+    factor = np.linalg.cholesky(rate[drift] + motion)
     own: Array = np.asarray(np.linalg.inv(factor), dtype=float)
-    whiten[:, :, :COUNT, :COUNT] = own
+    whiten[:, :COUNT, :COUNT] = own
     if trace is not None:
-        whiten[:, :, :COUNT, COUNT:] = -own @ beside[:, None]
-    half_log_det = log_det[:, None] + np.sum(np.log(np.diagonal(factor, axis1=2, axis2=3)), axis=2)
-    whiten = whiten.reshape(n * m, d, d)
+        whiten[:, :COUNT, COUNT:] = -own @ beside[drift]
     one, shaped = whiten @ constant, whiten @ columns
     return Axis(
         whiten=whiten,
@@ -319,7 +333,7 @@ def _axis(noise: Array, motion: Array, gyro: Array, trace: Array | None, walk: A
         cross=(one[:, None, :] @ shaped)[:, 0],
         square=np.sum(shaped**2, axis=1),
         walk=whiten @ modes,
-        half_log_det=half_log_det.ravel(),
+        half_log_det=log_det[drift] + np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
     )
 
 
