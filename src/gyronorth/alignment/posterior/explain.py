@@ -42,6 +42,8 @@ FAR = 12.0
 NEAR = 5.0
 #: Settings of the noise with which tones and bumps are weighed.
 SETTINGS = 2
+#: Prior of a unit whose white noise is what short lags show, over that of a quieter one that moves.
+WORSE = 0.15
 #: How much likelier a settling bias is in a recording with tones or bumps: they come together.
 UNSTEADY = np.log(8.0)
 
@@ -176,7 +178,8 @@ def white_scales(measured: float, profile: float, *, known: bool) -> tuple[Array
     tried = [ratio]
     while tried[-1] > 1.1 * least:
         tried.append(max(tried[-1] / step, least))
-    share = np.array([1.0, *(0.3 / max(len(tried) - 1, 1) for _ in tried[1:])])
+    between = np.full(len(tried) - 1, 0.3 / max(len(tried) - 1, 1))
+    share = np.concatenate([[WORSE if known else 1.0], between * (WORSE if known else 1.0)])
     if known and len(tried) > 1:
         share[-1] = 1.0
     return np.array(tried), share / share.sum()

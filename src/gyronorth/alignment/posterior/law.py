@@ -22,23 +22,23 @@ from gyronorth.sensor.law import NoiseLaw
 
 #: In-run drift over the profile's, and the prior of each.
 DRIFTS = (0.1, 0.3, 1.0, 3.0, 10.0)
-DRIFT_PRIOR = (0.04, 0.06, 0.85, 0.035, 0.015)
+DRIFT_PRIOR = (0.04, 0.06, 0.86, 0.03, 0.01)
 #: Broadband motion: tilt, rad rms per axis, and correlation time over the duration.
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
 #: Where tones or bumps were fitted, broadband motion is what they leave: every second size at two of the times.
 SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
 #: Probability of broadband motion, with and without an accelerometer that would show it.
-SWAY, SWAY_UNSEEN = 0.08, 0.05
+SWAY, SWAY_UNSEEN = 0.08, 0.04
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
-TILT, TILT_UNSEEN = 0.5, 0.03
+TILT, TILT_UNSEEN = 0.5, 0.015
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.08, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.3, 0.3, 0.28, 0.12)
+SETTLING, SETTLING_SIZES = 0.09, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.22, 0.25, 0.43, 0.1)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
