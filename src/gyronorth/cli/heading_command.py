@@ -69,6 +69,10 @@ def heading(
     sensor: SensorName = None,
     method: MethodName = "auto",
     as_json: Json = False,
+    posterior: Annotated[
+        bool,
+        typer.Option("--posterior", help="Put the density of the heading into the JSON.", rich_help_panel=OUTPUT),
+    ] = False,
     csv: Annotated[
         Path | None,
         typer.Option(metavar="OUT.csv", help="Write a table, one row per recording.", rich_help_panel=OUTPUT),
@@ -123,6 +127,8 @@ def heading(
 
     if as_json and nmea:
         raise InputError("--json and --nmea both print to standard output; give one of them.")
+    if posterior and not as_json:
+        raise InputError("--posterior puts the density of the heading into the JSON; add --json.")
     if (roll is None) != (pitch is None):
         raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
     outputs = {"--csv": (csv, ()), "--out": (out, TABLE_SUFFIXES), "--plot": (plot, PLOT_SUFFIXES)}
@@ -130,7 +136,8 @@ def heading(
     check_outputs(outputs | {"--report": (report, PAGE_SUFFIXES)}, source=None if many else Path(sources[0]))
     kept = _table_to_keep(csv, out, resume=resume, as_json=as_json)
     if many:
-        single = [name for name, given in (("--plot", plot), ("--report", report), ("--nmea", nmea)) if given]
+        asked = (("--plot", plot), ("--report", report), ("--nmea", nmea), ("--posterior", posterior))
+        single = [name for name, given in asked if given]
         if single:
             what = f"{sources[0]} is a folder" if Path(sources[0]).is_dir() else "these are many"
             raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
@@ -145,7 +152,8 @@ def heading(
     if many:
         place = Place(scheduler, workers)
         return _many(sources, request, place, as_json=as_json, kept=kept, resume=resume, windows=windows)
-    return _file(sources[0], request, as_json=as_json, nmea=nmea, kept=kept, plot=plot, report=report)
+    given = {"as_json": as_json, "posterior": posterior, "nmea": nmea}
+    return _file(sources[0], request, **given, kept=kept, plot=plot, report=report)
 
 
 def _table_to_keep(csv: Path | None, out: Path | None, *, resume: bool, as_json: bool) -> Path | None:
@@ -166,6 +174,7 @@ def _file(
     request: Request,
     *,
     as_json: bool,
+    posterior: bool,
     nmea: bool,
     kept: Path | None,
     plot: Path | None,
@@ -190,7 +199,7 @@ def _file(
             settings = request.settings()
             write_table(kept, settings, [outcome.stamped(checksum_of(path), settings)])
     if as_json:
-        print_json(estimate.to_json())
+        print_json(estimate.to_json(posterior=posterior))
     elif nmea:
         from gyronorth.report.nmea import sentences
 

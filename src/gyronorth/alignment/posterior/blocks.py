@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gyronorth.arrays import Array, Index
+from gyronorth.arrays import Array, Index, Mask
 from gyronorth.attitude import level, mat_lb
 from gyronorth.conditioning import block_means, decimate
 
@@ -110,8 +110,11 @@ def _without_turn(rate: Array, step: float) -> tuple[Array, Array]:
     size = max(rate.shape[1] // YAW_BLOCKS, 1)
     last, first = _last_yaw(block_means(yaw[..., None], size)[..., 0])
     yaw = yaw - last[:, None]
-    block = np.arange(rate.shape[1]) // size - first[:, None]
-    upright: Array = np.where((block == 0) | (block == 1), steady, rate[..., 2])
+    sample: Index = np.asarray(np.arange(rate.shape[1]), dtype=int)
+    start: Index = np.asarray(size * first[:, None], dtype=int)
+    upright = rate[..., 2].copy()
+    nudged: Mask = np.asarray((sample >= start) & (sample < start + 2 * size), dtype=bool)
+    np.copyto(upright, steady, where=nudged)
     return np.concatenate([_turned(rate[..., :2], yaw), upright[..., None]], axis=-1), yaw
 
 

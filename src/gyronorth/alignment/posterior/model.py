@@ -34,7 +34,7 @@ FEW = 100
 
 
 @dataclass(frozen=True)
-class HeadingDensity:
+class Inferred:
     """Posterior of the heading of one recording and what was inferred beside it."""
 
     density: Density
@@ -63,7 +63,7 @@ def posterior(
     sensor: Sensor | None,
     attitude: tuple[float, float] | None = None,
     propose: Proposer | None = None,
-) -> list[HeadingDensity]:
+) -> list[Inferred]:
     """Posterior of each of the recordings (r, n, 3)."""
     blocks = blocks_of(gyro_b, accel_b, rate_hz=rate_hz, attitude=attitude)
     return [
@@ -116,7 +116,7 @@ def _one(
     propose: Proposer | None,
     *,
     known_attitude: bool,
-) -> HeadingDensity:
+) -> Inferred:
     scales = scales_of(sensor, measured_white(blocks, index))
     found = explanations(blocks, index, scales.sensor, known=scales.known, propose=propose)
     return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
@@ -134,7 +134,7 @@ def _bias_prior() -> Array:
 
 def _conclude(
     found: list[Weighed], blocks: Blocks, index: int, latitude: float, scales: Scales, *, known_attitude: bool
-) -> HeadingDensity:
+) -> Inferred:
     sensor = scales.sensor
     north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
     constant = (sensor.g_sensitivity * STANDARD_GRAVITY) ** 2 + (
@@ -218,7 +218,7 @@ def _conclude(
     claimed = NoiseLaw(sensor.gyro).mean_variance(blocks.duration)
     noise = float(claimed["noise"] * np.exp(2 * told[2]))
     drift = float(claimed["drift"] * np.exp(2 * told[1]))
-    return HeadingDensity(
+    return Inferred(
         density=density,
         rate_l=np.array([told[7], told[8], rate_z]),
         scale=float(np.exp(told[0])),
