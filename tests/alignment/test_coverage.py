@@ -84,7 +84,9 @@ def test_auto_costs_nothing_on_quiet_recordings(runs):
     for sensor in ("sdc500", None):
         options = {"rate_hz": RATE_HZ, "latitude": LATITUDE, "sensor": sensor}
         auto, mean = (heading_batch(gyro, accel, method=method, **options) for method in ("auto", "mean"))
-        assert rms(angle_error(auto.heading, truth)) <= 1.08 * rms(angle_error(mean.heading, truth))
+        squares = [angle_error(batch.heading, truth) ** 2 for batch in (auto, mean)]
+        chance = 3.3 * np.std(squares[0] - squares[1]) / np.sqrt(runs)
+        assert np.mean(squares[0]) <= 1.08**2 * np.mean(squares[1]) + (chance if runs < 3000 else 0.0)
 
 
 @pytest.mark.parametrize("method", ["mean", pytest.param("auto", marks=pytest.mark.long)])
