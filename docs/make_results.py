@@ -4,8 +4,9 @@ python docs/make_results.py FOLDER...   take the studies in these folders over i
 python docs/make_results.py             write the pages and figures again from what is there
 python docs/make_results.py --check     exit code 1 if a page is not what its data give
 
-A page is docs/results/<benchmark>.md; each study has its figure, then its tables, folded, and as <study>.csv beside its JSON. Its beginning is written by hand in docs/results/<benchmark>.intro.md, which
-holds no result; everything else comes from docs/results/data/<benchmark>/<study>.json. In the introduction
+A page is docs/results/<benchmark>.md. Its beginning is written by hand in docs/results/<benchmark>.intro.md, which
+holds no result; everything else comes from docs/results/data/<benchmark>/<study>.json: for each study its figure and,
+folded, its tables, which are also written as <study>.csv beside the JSON. In the introduction
 
     {{study | table | row | column}}
 
