@@ -83,9 +83,8 @@ def stale(script: Path) -> bool:
     if not path.is_file():
         return True
     stored = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    return [(cell["cell_type"], "".join(cell["source"])) for cell in stored] != cells(
-        script.read_text(encoding="utf-8")
-    )
+    wanted = cells(script.read_text(encoding="utf-8"))
+    return [(cell["cell_type"], "".join(cell["source"])) for cell in stored] != wanted
 
 
 def main(arguments: Sequence[str]) -> int:

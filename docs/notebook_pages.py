@@ -40,4 +40,5 @@ def blocks(cell: dict[str, Any]) -> Iterator[str]:
         if output["output_type"] == "stream":
             yield f"```text\n{''.join(output['text']).rstrip()}\n```"
         else:
-            yield f'<p><img alt="Figure drawn by the cell above" src="data:image/png;base64,{output["data"]["image/png"]}"></p>'
+            image = output["data"]["image/png"]
+            yield f'<p><img alt="Figure drawn by the cell above" src="data:image/png;base64,{image}"></p>'

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # The paper, from the shipped results
 #
-# *Diffusion Denoiser-Aided Gyrocompassing* (arXiv 2507.21245) claims 26 % less error than the closed form. This notebook
-# reads the results of the studies in this repository (`gyronorth benchmark paper`, hours of training) and shows what
-# holds. Everything is on the 60 published recordings as reconstructed: real biases, simulated noise.
+# *Diffusion Denoiser-Aided Gyrocompassing* (arXiv 2507.21245) claims 26 % less error than the closed form. This
+# notebook reads the results of the studies in this repository (`gyronorth benchmark paper`, hours of training) and
+# shows what holds. Everything is on the 60 published recordings as reconstructed: real biases, simulated noise.
 
 # %%
 import json

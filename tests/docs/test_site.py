@@ -70,7 +70,8 @@ def test_search_from_a_folder_asks_nobody(small_site, browser):
 #: What pushes the page or is cut: elements beyond the screen that no box around them lets scroll.
 BEYOND = """() => {
   const width = document.documentElement.clientWidth;
-  const scrolls = e => e && e !== document.body && (getComputedStyle(e).overflowX !== "visible" || scrolls(e.parentElement));
+  const scrolls = e => e && e !== document.body
+    && (getComputedStyle(e).overflowX !== "visible" || scrolls(e.parentElement));
   const cut = [...document.querySelectorAll("article *")].filter(
     e => e.getBoundingClientRect().width && e.getBoundingClientRect().right > width + 1 && !scrolls(e.parentElement));
   return [document.documentElement.scrollWidth - width, cut.map(e => e.textContent.slice(0, 40))];
