@@ -34,8 +34,8 @@ LATITUDE = np.radians(48.0)
 PUBLISHED_LATITUDE = np.radians(32.11)
 #: Two-sided 95 % point of the normal law, for peers that claim a sigma only.
 NORMAL_975 = 1.96
-#: Programs that take seconds a recording are given only the first of a set.
-AT_MOST = {"python-ins filter": 20}
+#: Programs that take seconds per recording get only the first of a set.
+AT_MOST = {"python-ins filter": 6}
 #: The filter updates once a second; means over that time cost a sixth and change its heading by 0.03 of its sigma.
 KALMAN_RATE_HZ = 1.0
 #: Real recordings with known headings: name of the set, profile whose bias is nearest, files.

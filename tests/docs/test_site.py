@@ -65,3 +65,35 @@ def test_search_from_a_folder_asks_nobody(small_site, browser):
     page.close()
     assert len(asked) > 5
     assert not [address for address in asked if not address.startswith(("file:", "blob:", "data:"))]
+
+
+#: What pushes the page or is cut: elements beyond the screen that no box around them lets scroll.
+BEYOND = """() => {
+  const width = document.documentElement.clientWidth;
+  const scrolls = e => e && e !== document.body
+    && (getComputedStyle(e).overflowX !== "visible" || scrolls(e.parentElement));
+  const cut = [...document.querySelectorAll("article *")].filter(
+    e => e.getBoundingClientRect().width && e.getBoundingClientRect().right > width + 1 && !scrolls(e.parentElement));
+  return [document.documentElement.scrollWidth - width, cut.map(e => e.textContent.slice(0, 40))];
+}"""
+#: Nobody scrolls further: a phone's screen is 844 px high.
+LONGEST = 30_000
+
+
+@pytest.mark.long
+def test_every_page_fits_a_phone_and_asks_nobody(tmp_path, browser):
+    site = tmp_path / "site"
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(site)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    pages = sorted(site.rglob("*.html"))
+    assert len(pages) > 40
+    for path in pages:
+        page.goto(path.as_uri())
+        assert page.evaluate(BEYOND) == [0, []], path.name
+        assert page.evaluate("document.documentElement.scrollHeight") < LONGEST, path.name
+    page.close()
+    assert not [address for address in asked if address.startswith("http")]
