@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from contextlib import ExitStack
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,8 +20,8 @@ from gyronorth.cli.many_options import (
     Windows,
     Workers,
     check_not_read,
-    kept_table,
 )
+from gyronorth.cli.many_run import TABLE_SUFFIXES, run_many, several
 from gyronorth.cli.options import (
     DEG_PER_HOUR,
     OUTPUT,
@@ -41,7 +40,7 @@ from gyronorth.cli.options import (
     with_reading,
     written,
 )
-from gyronorth.cli.progress import reading_file, recordings_done, working
+from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
@@ -57,9 +56,7 @@ SHORTEST_ALLAN = 100
 
 #: Exit codes.
 VALID, REFUSED = 0, 3
-TABLE_SUFFIXES, PAGE_SUFFIXES = (".csv", ".parquet", ".pq"), (".html", ".htm")
-#: Most rows that are printed; of more, the summary alone.
-SHOWN = 500
+PAGE_SUFFIXES = (".html", ".htm")
 
 
 @app.command()
@@ -123,7 +120,7 @@ def heading(
     """
     from gyronorth.errors import InputError
     from gyronorth.many import Request
-    from gyronorth.many.sources import names_one, recordings
+    from gyronorth.many.sources import recordings
 
     if as_json and nmea:
         raise InputError("--json and --nmea both print to standard output; give one of them.")
@@ -131,8 +128,9 @@ def heading(
         raise InputError("--posterior puts the density of the heading into the JSON; add --json.")
     if (roll is None) != (pitch is None):
         raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
+    outputs: dict[str, tuple[Path | None, tuple[str, ...]]]
     outputs = {"--csv": (csv, ()), "--out": (out, TABLE_SUFFIXES), "--plot": (plot, PLOT_SUFFIXES)}
-    many = len(sources) > 1 or resume or windows is not None or not names_one(sources[0])
+    many = windows is not None or several(sources, resume=resume)
     check_outputs(outputs | {"--report": (report, PAGE_SUFFIXES)}, source=None if many else Path(sources[0]))
     kept = _table_to_keep(csv, out, resume=resume, as_json=as_json)
     if many:
@@ -258,42 +256,23 @@ def _many(
     windows: tuple[float, float] | None,
 ) -> int:
     """Many recordings: one row each, an unreadable one with its error."""
-    from gyronorth.many.headings import Work, outcomes_of
+    from gyronorth.many.headings import HeadingTask
     from gyronorth.many.sources import recordings
+    from gyronorth.many.table import HEADINGS, WINDOWS
     from gyronorth.many.tally import Tally
+    from gyronorth.report.terminal import print_folder
 
-    items = recordings(sources)
-    if kept is not None:
-        check_not_read(kept, items)
-    settings = request.settings(**({} if windows is None else {"windows_s": windows}))
-    work = Work(request, settings, checksums=kept is not None, windows=windows)
-    tally, found = Tally(), []  # one document or row for each; no estimate is kept
-    with ExitStack() as stack:
-        rows = None if kept is None else stack.enter_context(kept_table(kept, settings, resume, windows is not None))
-        executor = stack.enter_context(place.executor())
-        done = stack.enter_context(recordings_done(len(items)))
-        for item, outcomes in outcomes_of(items, work, executor, None if rows is None else rows.done()):
-            if rows is not None:
-                rows.add(outcomes)
-            tally.add(outcomes)
-            if as_json or len(found) <= SHOWN:
-                found += [(item.name, outcome) for outcome in outcomes]
-            done(item.name)
-        if rows is not None:
-            rows.finish([item.name for item in items])
-            tally = Tally.of_table(rows)
-    order = {item.name: number for number, item in enumerate(items)}
-    shown = [outcome for _, outcome in sorted(found, key=lambda pair: order[pair[0]])]
-    if as_json:
-        print_json([outcome.document() for outcome in shown])
-        return tally.exit_code()
-    if len(shown) <= SHOWN and shown:
-        from gyronorth.report.terminal import print_folder
-
-        print_folder(shown, sys.stdout)
-    typer.echo(tally.summary(), err=True)
-    _tell_written(kept)
-    return tally.exit_code()
+    return run_many(
+        recordings(sources),
+        HeadingTask(request, windows),
+        place,
+        columns=HEADINGS if windows is None else WINDOWS,
+        tally=Tally(),
+        show=print_folder,
+        as_json=as_json,
+        kept=kept,
+        resume=resume,
+    )
 
 
 def _tell_written(*paths: Path | None) -> None:
