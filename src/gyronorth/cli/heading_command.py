@@ -83,7 +83,8 @@ def heading(
     windows: Windows = None,
     plot: Plot = None,
     report: Annotated[
-        Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.", rich_help_panel=OUTPUT)
+        Path | None,
+        typer.Option(metavar="OUT.html", help="Write a report: one self-contained HTML page.", rich_help_panel=OUTPUT),
     ] = None,
     nmea: Annotated[
         bool,
@@ -102,7 +103,7 @@ def heading(
         typer.Option(
             metavar="A,B,..",
             parser=angles,
-            help="Angles of the turns between poses, degrees, positive clockwise; else the gyro measures them.",
+            help="Angles of the turns between poses, degrees, positive clockwise; by default the gyro measures them.",
             rich_help_panel=SITE,
         ),
     ] = None,
