@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from html import escape
 from math import degrees, inf, isfinite
 from typing import Any, Literal
 
@@ -240,6 +239,8 @@ class HeadingEstimate:
         rows = [("heading", shown), ("sigma", spread), ("verdict", "valid" if self.valid else "refused")]
         rows += [("method", f"{self.method} ({self.method_reason})")]
         rows += [(kind, f"{finding.code}: {finding.message}") for kind, finding in findings]
+        from html import escape
+
         cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
         return f"<table>{cells}</table>"
 

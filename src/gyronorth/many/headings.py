@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Executor
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from math import degrees
@@ -13,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from gyronorth.errors import InputError
 from gyronorth.many.remote import at_hand, checksum_of, state_of
-from gyronorth.many.running import WorkerLost, each
 from gyronorth.many.sources import Item, recordings
 from gyronorth.report.tables import Outcome
 
 if TYPE_CHECKING:
     import os
+    from concurrent.futures import Executor
 
     from gyronorth.deviation import DeviationModel
     from gyronorth.estimate import HeadingEstimate
@@ -214,6 +213,8 @@ def outcomes_of(
     known : mapping, optional
         Name -> checksum of those that are done: where it still holds, their outcomes are an empty list.
     """
+    from gyronorth.many.running import WorkerLost, each
+
     pairs = ((item, (known or {}).get(item.name, "")) for item in items)
     for (item, _), found in each(partial(_outcomes, work), pairs, executor):
         if isinstance(found, Exception):

@@ -321,9 +321,9 @@ class GridBuilder:
         """Which rows are finite, plausible and not zero; None for all."""
         limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
         fits = np.abs(data) <= limit  # False for nan
-        usable: NDArray[np.bool_] = np.asarray(fits.all(axis=1))
+        usable = np.ones(len(data), dtype=bool) if fits.all() else np.asarray(fits.all(axis=1))
         if data.shape[1] == 6:
-            usable &= (data[:, 3:] != 0).any(axis=1)
+            usable &= (data[:, 3] != 0) | (data[:, 4] != 0) | (data[:, 5] != 0)
         if self._source.clock is not None:
             usable &= np.isfinite(block.values[:, 0])
         if usable.all():
