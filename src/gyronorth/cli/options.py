@@ -267,9 +267,7 @@ READING: dict[str, tuple[Any, Any]] = {
         number("a positive time in seconds", "0.005", above=0),
     ),
     "time_unit": _declares("UNIT", "Unit of the time column: s, ms, us or ns."),
-    "preset": _declares(
-        "NAME|FILE", "Declarations for a program's files: a name, or a file saved by `import`."
-    ),
+    "preset": _declares("NAME|FILE", "Declarations for a program's files: a name, or a file saved by `import`."),
     "columns": (
         Annotated[
             Any,
