@@ -43,6 +43,9 @@ from gyronorth.cli.options import (
 from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from gyronorth.allan import AllanDeviation
     from gyronorth.estimate import HeadingEstimate
     from gyronorth.many import Request
@@ -84,7 +87,8 @@ def heading(
     windows: Windows = None,
     plot: Plot = None,
     report: Annotated[
-        Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.", rich_help_panel=OUTPUT)
+        Path | None,
+        typer.Option(metavar="OUT.html", help="Write a report: one self-contained HTML page.", rich_help_panel=OUTPUT),
     ] = None,
     nmea: Annotated[
         bool,
@@ -103,7 +107,7 @@ def heading(
         typer.Option(
             metavar="A,B,..",
             parser=angles,
-            help="Angles of the turns between poses, degrees, positive clockwise; else the gyro measures them.",
+            help="Angles of the turns between poses, degrees, positive clockwise; by default the gyro measures them.",
             rich_help_panel=SITE,
         ),
     ] = None,
@@ -231,10 +235,20 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
         figure = figures.heading_figure(convergence, estimate, heading_true=truth, deviation=deviation)
         figures.write(figure, plot)
     if report is not None:
+        from gyronorth.report.comparison import opinions
         from gyronorth.report.html import heading_page
+        from gyronorth.report.spectrum import SHORTEST, spectrum
 
-        inputs = _inputs(outcome.file, recording, request)
-        page = heading_page(outcome, convergence, deviation=deviation, inputs=inputs, sensor=request.sensor)
+        gyro_b = _longest_pose(recording, estimate)
+        page = heading_page(
+            outcome,
+            convergence,
+            deviation=deviation,
+            inputs=_inputs(outcome.file, recording, request),
+            sensor=request.sensor,
+            spectrum=spectrum(gyro_b, rate_hz=recording.rate_hz) if len(gyro_b) >= SHORTEST else None,
+            opinions=opinions(recording, estimate, sensor=request.sensor, attitude=request.attitude),
+        )
         write_text(report, page, errors="backslashreplace")  # a file name may be no UTF-8
 
 
@@ -290,16 +304,19 @@ def _sensor(name_or_file: str | None) -> Sensor | None:
 
 
 def _deviation(recording: Recording, estimate: HeadingEstimate) -> AllanDeviation | None:
-    """Allan deviation of the gyro, of turned recordings in the longest pose; None where that is too short to draw."""
+    """Allan deviation of the gyro in the longest pose; None where that is too short to draw."""
     from gyronorth.allan import allan_deviation
 
-    gyro_b = recording.gyro_b
-    if len(estimate.poses) > 1:
-        pose = max(estimate.poses, key=lambda pose: pose.end - pose.start)
-        gyro_b = gyro_b[round(pose.start * recording.rate_hz) : round(pose.end * recording.rate_hz)]
-    if len(gyro_b) < SHORTEST_ALLAN:
-        return None
-    return allan_deviation(gyro_b, rate_hz=recording.rate_hz)
+    gyro_b = _longest_pose(recording, estimate)
+    return None if len(gyro_b) < SHORTEST_ALLAN else allan_deviation(gyro_b, rate_hz=recording.rate_hz)
+
+
+def _longest_pose(recording: Recording, estimate: HeadingEstimate) -> NDArray[np.float64]:
+    """The rate of the whole recording or, where it was turned, of its longest pose."""
+    if len(estimate.poses) < 2:
+        return recording.gyro_b
+    pose = max(estimate.poses, key=lambda pose: pose.end - pose.start)
+    return recording.gyro_b[round(pose.start * recording.rate_hz) : round(pose.end * recording.rate_hz)]
 
 
 def _checksum(path: Path) -> str:
@@ -311,6 +328,8 @@ def _checksum(path: Path) -> str:
 
 def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str, str]]:
     """What the user declared and what the file says, for the report."""
+    from gyronorth.report.recordings import AXES_ORIGINS
+
     reading = request.reading
     inputs = [("command", shlex.join(["gyronorth", *sys.argv[1:]])), ("file", file)]
     if Path(file).is_file():  # a bag may be a folder
@@ -320,7 +339,9 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     inputs.append(("method asked for", request.method))
     if reading.window is not None:
         inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
-    names = ("axes", "gyro_unit", "accel_unit", "variable", "topic", "protocol")
+    origin = AXES_ORIGINS[recording.axes_origin]
+    inputs.append(("axes of the file", origin if reading.axes is None else f"{reading.axes}, {origin}"))
+    names = ("gyro_unit", "accel_unit", "variable", "topic", "protocol")
     declared = [(name, getattr(reading, name)) for name in names]
     inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
     if reading.rate_hz is not None:
