@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from gyronorth.arrays import median
 
+#: Intervals from one stamp to the next beyond which it is absurd: no recording has so many samples.
+ABSURD = 1e12
 #: Stamps may be late for so long, s, and for so many rows, before a loss is believed.
 LONGEST_LATE = 2.0
 FEWEST_ROWS = 20
@@ -118,8 +120,7 @@ class Envelope:
         # The envelope before the group that each move belongs to, and the whole samples by which it has moved since.
         group = np.cumsum(begins)
         bases = np.concatenate([[base], floor[moved[begins]]])
-        # Absurd stamps are bounded: no recording has so many samples.
-        moves = np.rint(np.clip(np.nan_to_num(floor[moved + 1] - bases[group]), -1e12, 1e12)).astype(np.int64)
+        moves = np.rint(np.clip(np.nan_to_num(floor[moved + 1] - bases[group]), -ABSURD, ABSURD)).astype(np.int64)
         ends = np.append(begins[1:], True)
         nets = np.zeros(len(bases), dtype=np.int64)
         nets[group[ends]] = moves[ends]
@@ -164,6 +165,7 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     if len(positive) == 0:
         return None
     middle = float(median(positive))
+    step = step[step <= ABSURD * middle]
     usual = np.abs(step - middle) <= USUAL * middle
     common = None
     if usual.mean() >= LEAST_USUAL:
