@@ -78,7 +78,9 @@ class Envelope:
         if self._origin is None and len(time):
             self._origin = float(time[0])
         number = self._rows + len(self._waiting)
-        stray = (time - (self._origin or 0.0)) / self.interval - np.arange(number, number + len(time))
+        with np.errstate(over="ignore"):
+            stray = np.minimum((time - (self._origin or 0.0)) / self.interval, 1e3 * ABSURD)
+        stray = stray - np.arange(number, number + len(time))
         stray = np.concatenate([self._waiting, stray])
         rows = len(stray)
         if rows > 1 and not last and stray[-1] < stray[-2] - MOVE:
