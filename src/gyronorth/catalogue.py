@@ -154,9 +154,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("axes_assumed", "warning", "axes assumed", "Nobody says which way the axes point."),
     FindingInfo("bias_unknown", "warning", "no profile", "The size of the gyro's errors is inferred."),
     FindingInfo("assumed_level", "warning", "taken as level", "There is no accelerometer and no given attitude."),
-    FindingInfo(
-        "accelerometer_beside", "warning", "force left out", "A file of the accelerometer was left out."
-    ),
+    FindingInfo("accelerometer_beside", "warning", "force left out", "A file of the accelerometer was left out."),
     FindingInfo("swaying", "warning", "swaying", "The attitude swayed, or its tilt changed."),
     FindingInfo("rows_dropped", "warning", "rows left out", "Rows that could not be read were left out."),
     FindingInfo("gaps_bridged", "warning", "samples bridged", "Samples were missing and are bridged."),

@@ -283,9 +283,10 @@ class Reading:
             )
             notes += (Note("time_jitter", message, value=self.regulariser.jitter, limit=JITTER),)
         if counts.wraps:
+            causes = " and as ".join(dict.fromkeys(counts.wraps))
             message = (
-                f"The clock of {self.source.name} starts again from 0 as {' and as '.join(counts.wraps)}; the samples "
-                "are taken to go on without a break."
+                f"The clock of {self.source.name} starts again from 0 as {causes}; the samples are taken to go on "
+                "without a break."
             )
             notes += (Note("time_wraps", message, value=float(len(counts.wraps))),)
         return notes
