@@ -370,7 +370,7 @@ def test_page_shows_the_disturbance_that_was_found():
     assert cells["left out as bumps"] == "2.0 s"
     assert "bias random walk, probability" not in cells
     assert "by plain averaging, not by learned" in page
-    assert "Disturbance found" not in heading_page(Outcome("a.csv", VALID), CONVERGENCE)
+    assert ">Disturbance<" not in heading_page(Outcome("a.csv", VALID), CONVERGENCE)
 
 
 def test_page_draws_the_density_on_the_compass():
