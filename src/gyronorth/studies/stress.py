@@ -244,7 +244,10 @@ def _report(_plan: StudyPlan, results: Mapping[str, Result]) -> Report:
             parts = [results[name] for name in sorted(results) if name.startswith(stem)]
             if parts:
                 rows.append(_row(cell, method, parts))
-    return Report(TEXT, (Table("Beyond the profile", COLUMNS, tuple(rows)),))
+    told = {row[0] for row in rows if row[1] == "auto"}
+    left = [cell.name for cell in cells() if cell.name not in told]
+    missing = f" Not run here: {'; '.join(left)}." if left else ""
+    return Report(TEXT + missing, (Table("Beyond the profile", COLUMNS, tuple(rows)),))
 
 
 COLUMNS = (
