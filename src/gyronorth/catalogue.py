@@ -137,6 +137,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
+    FindingInfo("hung_axis", "reason", "an axis does not change", "An axis of the unit is dead, or hung for a while."),
+    FindingInfo("gravity", "reason", "no gravity", "The accelerometer does not show gravity."),
+    FindingInfo("gimbal", "reason", "points up or down", "The forward axis stands too steeply to have a heading."),
     FindingInfo("not_finite", "reason", "not a number", "What was worked out is no number."),
     FindingInfo(
         "network_contradicts", "reason", "network and Earth rate differ", "The network contradicts the mean rate."
