@@ -39,6 +39,7 @@ def heading(
     model: str | Path | None = None,
     attitude: tuple[float, float] | None = None,
     turn_angles: Sequence[float] | None = None,
+    turn_angle_sigma: float | None = None,
     deviation: DeviationModel | None = None,
     require_sigma: float | None = None,
 ) -> HeadingEstimate:
@@ -68,6 +69,8 @@ def heading(
     turn_angles : sequence of float, optional
         Angles of the turns between poses, rad, clockwise from above, as an index table gives
         them; without them the gyro measures them.
+    turn_angle_sigma : float, optional
+        Standard deviation of one of them, rad; without it, from what the gyro measures of the turns.
     deviation : DeviationModel, optional
         Deviation curve, applied to the closed form where `deviation.covers(recording.session)`.
     require_sigma : float, optional
@@ -94,7 +97,7 @@ def heading(
         attitude,
         recording.session,
     )
-    result = registry.solve(method, problem, _options(model, turn_angles, deviation))
+    result = registry.solve(method, problem, _options(model, turn_angles, deviation, turn_angle_sigma))
     marked = tuple(note for note in recording.notes if note.code in REASONS)
     notes = tuple(note for note in recording.notes if note not in marked)
     found = verdict.estimate(problem, result, notes=notes, start_time_utc=recording.start_time_utc)
@@ -247,10 +250,13 @@ def _as_recording(
 
 
 def _options(
-    model: str | Path | None, turn_angles: Sequence[float] | None, deviation: DeviationModel | None
+    model: str | Path | None,
+    turn_angles: Sequence[float] | None,
+    deviation: DeviationModel | None,
+    turn_angle_sigma: float | None = None,
 ) -> Options:
     angles = None if turn_angles is None else tuple(float(angle) for angle in turn_angles)
-    return Options(None if model is None else Path(model), angles, deviation)
+    return Options(None if model is None else Path(model), angles, turn_angle_sigma, deviation)
 
 
 def _check_session(method: str, options: Options) -> None:
