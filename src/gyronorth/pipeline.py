@@ -29,7 +29,7 @@ GROUP_SAMPLES = 1_500_000
 
 
 def heading(
-    recording: Recording | str | os.PathLike[str] | ArrayLike,
+    recording: Recording | str | os.PathLike[str] | ArrayLike | Sequence[Recording],
     *,
     rate_hz: float | None = None,
     accel_b: ArrayLike | None = None,
@@ -47,9 +47,10 @@ def heading(
 
     Parameters
     ----------
-    recording : Recording, path, or array_like of shape (n, 3)
+    recording : Recording, path, array_like of shape (n, 3), or list of Recording
         Angular rate and, if there is one, specific force: a recording, a file that `read` opens with nothing
-        declared, or the angular rate in the body frame, rad/s.
+        declared, or the angular rate in the body frame, rad/s. A list: each one still pose of the same power-up, in
+        order of time, with the `turn_angles` between them; the heading is that of the last.
     rate_hz : float, optional
         Sample rate of an array, Hz.
     accel_b : array_like, shape (n, 3), optional
@@ -87,7 +88,13 @@ def heading(
         unknown or cannot work on this recording; or the heading would be valid but for a note
         of the reader that wants a declaration (`Finding.blocking`).
     """
-    recording = _as_recording(recording, rate_hz, accel_b)
+    segments = None
+    if isinstance(recording, list | tuple) and any(isinstance(one, Recording) for one in recording):
+        from gyronorth.alignment.turned.joined import joined
+
+        recording, segments = joined([_as_recording(one, rate_hz, accel_b) for one in recording], turn_angles)
+    else:
+        recording = _as_recording(recording, rate_hz, accel_b)
     problem = Problem(
         recording.gyro_b,
         recording.accel_b,
@@ -96,6 +103,7 @@ def heading(
         None if sensor is None else read_sensor(sensor),
         attitude,
         recording.session,
+        segments,
     )
     result = registry.solve(method, problem, _options(model, turn_angles, deviation, turn_angle_sigma))
     marked = tuple(note for note in recording.notes if note.code in REASONS)

@@ -38,6 +38,8 @@ LEVEL_SIGMA = 1e-3
 #: per axis, growing with the root of the angle: 20 arcsec. Without it a simulated accelerometer would
 #: read the heading from Earth rate integrated through the turns, which no real sensor does as well.
 TURN_SIGMA = 1e-4
+#: Attitude after a turn that nobody recorded, rad per axis: near what level and given angles say.
+FREE_SIGMA = 0.3
 #: Distance of the accelerometer from the axis of a spin, m (one standard deviation per axis).
 SPIN_ARM = 0.3
 #: Gravity is standard within this, m/s^2 (one standard deviation): latitude, height, scale factor.
@@ -216,6 +218,7 @@ def linearise(
     step[:, :, COLUMNS["attitude"]] = np.eye(3)
     chain = earth @ step  # attitude error at block i by parameter
     swept = np.linalg.norm(blocks.gyro_b * moving[:, 0], axis=1)
+    loose = TURN_SIGMA**2 * swept / np.pi + FREE_SIGMA**2 * (~blocks.still & (not blocks.measured))
 
     sees_rate, sees_force = to_body @ cross_matrix(rate), to_body @ cross_matrix(force)
     known = np.where(np.arange(p) < 3, 0.0, state.value)
@@ -235,7 +238,8 @@ def linearise(
             design[:, tilt] = np.eye(2) * (blocks.gyro_b[index] @ axis)
             residual = across @ gyro_residual[index] - design[:, tilt] @ state.value[tilt]
             rows.add(0, residual, design, index, across, across @ sees_rate[index])
-    own: list[Array] = [np.kron(blocks.sway_covariance(blocks.sway), np.eye(3))] if blocks.still.any() else []
+    swaying = np.kron(blocks.sway_covariance(blocks.sway), np.eye(3))
+    own: list[Array] = [np.asarray(swaying, dtype=float)] if blocks.still.any() else []
     own.append(np.zeros((rows.count - sum(map(len, own)),) * 2))
 
     seen = np.flatnonzero(blocks.still | (blocks.spin >= 0))
@@ -270,7 +274,7 @@ def linearise(
         _block_diagonal(own),
         earth,
         noise_step,
-        _from_end(TURN_SIGMA**2 * swept / np.pi),
+        _from_end(loose),
         attitude,
         np.array(rows.kind),
     )

@@ -59,6 +59,7 @@ class Blocks:
     rate_hz: float
     sway: Array  # (n,) root mean square angle of one axis that the unit sways by in its stretch, rad; 0: none is seen
     surge: Array  # (n,) likewise the velocity that sways, m/s
+    measured: bool = True  # whether the gyro was recorded through the turns
 
     @property
     def seconds(self) -> Array:
@@ -118,6 +119,7 @@ class Segments:
     stretches: tuple[tuple[int, int], ...]  # samples [first, last) of each still stretch, edges trimmed
     pose: tuple[int, ...]  # number of the pose of each stretch
     turns: tuple[SegmentTurn, ...]  # between the stretches; at the ends only spins
+    measured: bool = True  # whether the gyro was recorded through the turns
 
     @property
     def poses(self) -> int:
@@ -226,7 +228,7 @@ def cut(gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: fl
     joined = {name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names}
     accel = None if accel_b is None else _means(accel_b, joined["first"], joined["last"])
     none = np.zeros(len(joined["first"]))
-    return Blocks(**joined, accel_b=accel, rate_hz=rate_hz, sway=none, surge=none)
+    return Blocks(**joined, accel_b=accel, rate_hz=rate_hz, sway=none, surge=none, measured=segments.measured)
 
 
 def blocks_per_stretch(stretches: int, errors: TriadErrors | None) -> int:
