@@ -221,7 +221,15 @@ def test_scale_factor_misalignment_and_tilt_are_covered():
 def test_given_turn_angles_show_the_scale_factor():
     scaled = replace(WHITE, gyro=replace(WHITE.gyro, scale_factor=3e-3))
     gyro, accel, heading = runs_of(IDEAL, (PI,), 1)
-    fit = turned(gyro[0] * 1.002, accel[0], rate_hz=10.0, latitude=LATITUDE, errors=scaled, turn_angles=[PI], turn_angle_sigma=1e-4)
+    fit = turned(
+        gyro[0] * 1.002,
+        accel[0],
+        rate_hz=10.0,
+        latitude=LATITUDE,
+        errors=scaled,
+        turn_angles=[PI],
+        turn_angle_sigma=1e-4,
+    )
     assert_allclose(fit.scale_factor[2], 0.002, atol=1e-4)
     assert abs(angle_error(fit.heading, heading[0])) < 3e-4
     assert fit.scale_factor_sigma[2] < 1.2e-4

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.alignment.turned.driving import standing
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.attitude import attitude_path, conjugate, multiply, rotate
@@ -136,6 +137,8 @@ def find_segments(
     ----------
     gyro_b : ndarray, shape (n, 3)
         Angular rate, rad/s.
+    accel_b : ndarray, shape (n, 3), optional
+        Specific force, m/s^2, which shows whether a vehicle drives straight on.
     rate_hz : float
         Sample rate, Hz.
     turn_on_bias : float, optional
@@ -157,11 +160,10 @@ def find_segments(
         sigma = np.maximum(scatter, 1.4826 * np.median(np.abs(slow - centre), axis=0))
         moving = (np.abs(chunk - centre) > np.maximum(MOTION_SIGMAS * sigma, MOTION_FLOOR)).any(axis=1)
     moving = _widened(moving, max(1, round(EDGE * rate_hz / size)))
-    stretches = tuple(
-        (a * size, len(gyro_b) if b == count else b * size)
-        for a, b in _runs(~moving)
-        if (b - a) * size >= SHORTEST_STRETCH * rate_hz
-    )
+    found = [(a * size, len(gyro_b) if b == count else b * size) for a, b in _runs(~moving)]
+    if accel_b is not None and found:
+        found = standing(accel_b, found, rate_hz=rate_hz)
+    stretches = tuple((a, b) for a, b in found if b - a >= SHORTEST_STRETCH * rate_hz)
     return _with_turns(gyro_b, stretches, rate_hz)
 
 
