@@ -88,13 +88,13 @@ def heading(
         unknown or cannot work on this recording; or the heading would be valid but for a note
         of the reader that wants a declaration (`Finding.blocking`).
     """
-    segments = None
-    if isinstance(recording, list | tuple) and any(isinstance(one, Recording) for one in recording):
+    poses = _poses_of(recording)
+    if poses is None:
+        recording, segments = _as_recording(recording, rate_hz, accel_b), None  # type: ignore[arg-type]
+    else:
         from gyronorth.alignment.turned.joined import joined
 
-        recording, segments = joined([_as_recording(one, rate_hz, accel_b) for one in recording], turn_angles)
-    else:
-        recording = _as_recording(recording, rate_hz, accel_b)
+        recording, segments = joined(poses, turn_angles)
     problem = Problem(
         recording.gyro_b,
         recording.accel_b,
@@ -235,6 +235,15 @@ def convergence(
         half_width=np.where(high - low >= 2 * np.pi, np.pi, ((high - low) % (2 * np.pi)) / 2),
         valid=np.array([run.valid for run in runs]),
     )
+
+
+def _poses_of(source: object) -> list[Recording] | None:
+    """The recordings of a list of them; None where the source is one recording."""
+    given: list[object] = list(source) if isinstance(source, list | tuple) else []  # type: ignore[arg-type]
+    found = [one for one in given if isinstance(one, Recording)]
+    if found and len(found) < len(given):
+        raise InputError("Poses of several recordings are a list of nothing but recordings; read each file first.")
+    return found or None
 
 
 def _as_recording(

@@ -99,13 +99,14 @@ def test_a_poor_index_table_is_seen_against_the_gyro():
         gn.heading(Recording(gyro, accel, RATE_HZ), latitude=LATITUDE, sensor=QUIET, turn_angle_sigma=0.1)
 
 
-def test_files_as_poses_give_what_one_recording_gives():
+@pytest.mark.parametrize("turn", [2.5, np.pi])
+def test_files_as_poses_give_what_one_recording_gives(turn):
     sensor = read_sensor("isa100c")
-    (gyro,), (accel,), (truth,), ranges = poses_of(sensor, (2.5,), 1)
+    (gyro,), (accel,), (truth,), ranges = poses_of(sensor, (turn,), 1)
     parts = [Recording(gyro[a:b], accel[a:b], RATE_HZ) for a, b in ranges]
     known = {"latitude": LATITUDE, "sensor": sensor}
     whole = gn.heading(Recording(gyro, accel, RATE_HZ), **known)
-    found = gn.heading(parts, turn_angles=[2.5], turn_angle_sigma=0.01 * DEG, **known)
+    found = gn.heading(parts, turn_angles=[turn], turn_angle_sigma=0.01 * DEG, **known)
     assert found.valid
     assert found.method == "turned"
     assert len(found.poses) == 2

@@ -200,10 +200,9 @@ def _weighed(case: _Case, sensors: list[Sensor], *, bias_known: bool) -> list[_W
     evidence = np.array([value for _, _, value in tried])
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
-    order = [
-        index for index in np.argsort(-weight) if weight[index] > LEAST_WEIGHT or tried[index][1].unknowns.scatter == 0
-    ]
-    found = [_Weighed(*tried[index][:2], float(weight[index])) for index in order]
+    every = [_Weighed(sensor, one, float(share)) for (sensor, one, _), share in zip(tried, weight, strict=True)]
+    every.sort(key=lambda one: -one.weight)
+    found = [one for one in every if one.steady or one.weight > LEAST_WEIGHT]
     best = found[0]
     settled = case.solve(best.sensor, best.solution.unknowns, bias_known=bias_known, near=best.solution)
     return [_Weighed(best.sensor, settled, best.weight), *found[1:]]

@@ -63,11 +63,13 @@ def _bounded(rate: Array, errors: TriadErrors, rate_hz: float) -> float:
 
 def _shortest_noise(rate: Array, rate_hz: float) -> float:
     """White noise density from fourth differences, which smooth motion hardly enters: the least of several lags."""
+    if len(rate) < 8:
+        return 0.0
     sizes = sorted({max(1, round(lag * rate_hz)) for lag in (0.0, *LAGS)})
     usable = [block_means(rate, size) for size in sizes if len(rate) // size >= FEWEST] or [rate]
-    sums = [
-        float(np.mean(np.diff(mean, 4, axis=0) ** 2)) / 70 / len(mean) for mean in usable
-    ]  # 70: of binomials, squared
+    binomials = 70.0  # sum of the squares of 1, 4, 6, 4, 1
+    squares = [float(np.mean(np.asarray(np.diff(mean, 4, axis=0), dtype=float) ** 2)) for mean in usable]
+    sums = [square / binomials / len(mean) for square, mean in zip(squares, usable, strict=True)]
     return float(np.sqrt(min(sums) * len(rate) / rate_hz))
 
 
