@@ -30,7 +30,7 @@ GROUP_SAMPLES = 1_500_000
 
 
 def heading(
-    recording: Recording | str | os.PathLike[str] | ArrayLike,
+    recording: Recording | str | os.PathLike[str] | ArrayLike | Sequence[Recording],
     *,
     rate_hz: float | None = None,
     accel_b: ArrayLike | None = None,
@@ -40,6 +40,7 @@ def heading(
     model: str | Path | None = None,
     attitude: tuple[float, float] | None = None,
     turn_angles: Sequence[float] | None = None,
+    turn_angle_sigma: float | None = None,
     deviation: DeviationModel | None = None,
     require_sigma: float | None = None,
 ) -> HeadingEstimate:
@@ -47,9 +48,10 @@ def heading(
 
     Parameters
     ----------
-    recording : Recording, path, or array_like of shape (n, 3)
+    recording : Recording, path, array_like of shape (n, 3), or list of Recording
         Angular rate and, if there is one, specific force: a recording, a file that `read` opens with nothing
-        declared, or the angular rate in the body frame, rad/s.
+        declared, or the angular rate in the body frame, rad/s. A list: each one still pose of the same power-up, in
+        order of time, with the `turn_angles` between them; the heading is that of the last.
     rate_hz : float, optional
         Sample rate of an array, Hz.
     accel_b : array_like, shape (n, 3), optional
@@ -69,6 +71,8 @@ def heading(
     turn_angles : sequence of float, optional
         Angles of the turns between poses, rad, clockwise from above, as an index table gives
         them; without them the gyro measures them.
+    turn_angle_sigma : float, optional
+        Standard deviation of one of them, rad; without it, from what the gyro measures of the turns.
     deviation : DeviationModel, optional
         Deviation curve, applied to the closed form where `deviation.covers(recording.session)`.
     require_sigma : float, optional
@@ -85,7 +89,13 @@ def heading(
         unknown or cannot work on this recording; or the heading would be valid but for a note
         of the reader that wants a declaration (`Finding.blocking`).
     """
-    recording = _as_recording(recording, rate_hz, accel_b)
+    poses = _poses_of(recording)
+    if poses is None:
+        recording, segments = _as_recording(recording, rate_hz, accel_b), None  # type: ignore[arg-type]
+    else:
+        from gyronorth.alignment.turned.joined import joined
+
+        recording, segments = joined(poses, turn_angles)
     problem = Problem(
         recording.gyro_b,
         recording.accel_b,
@@ -94,8 +104,9 @@ def heading(
         None if sensor is None else read_sensor(sensor),
         attitude,
         recording.session,
+        segments,
     )
-    result = registry.solve(method, problem, _options(model, turn_angles, deviation))
+    result = registry.solve(method, problem, _options(model, turn_angles, deviation, turn_angle_sigma))
     marked = tuple(note for note in recording.notes if note.code in REASONS)
     notes = tuple(note for note in recording.notes if note not in marked)
     found = verdict.estimate(problem, result, notes=notes, start_time_utc=recording.start_time_utc)
@@ -233,6 +244,15 @@ def convergence(
     )
 
 
+def _poses_of(source: object) -> list[Recording] | None:
+    """The recordings of a list of them; None where the source is one recording."""
+    given: list[object] = list(source) if isinstance(source, list | tuple) else []  # type: ignore[arg-type]
+    found = [one for one in given if isinstance(one, Recording)]
+    if found and len(found) < len(given):
+        raise InputError("Poses of several recordings are a list of nothing but recordings; read each file first.")
+    return found or None
+
+
 def _as_recording(
     source: Recording | str | os.PathLike[str] | ArrayLike, rate_hz: float | None, accel_b: ArrayLike | None
 ) -> Recording:
@@ -254,10 +274,13 @@ def _as_recording(
 
 
 def _options(
-    model: str | Path | None, turn_angles: Sequence[float] | None, deviation: DeviationModel | None
+    model: str | Path | None,
+    turn_angles: Sequence[float] | None,
+    deviation: DeviationModel | None,
+    turn_angle_sigma: float | None = None,
 ) -> Options:
     angles = None if turn_angles is None else tuple(float(angle) for angle in turn_angles)
-    return Options(None if model is None else Path(model), angles, deviation)
+    return Options(None if model is None else Path(model), angles, turn_angle_sigma, deviation)
 
 
 def _check_session(method: str, options: Options) -> None:

@@ -40,6 +40,7 @@ from gyronorth.cli.options import (
     with_reading,
     written,
 )
+from gyronorth.cli.options import degrees as degrees_option
 from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
@@ -111,6 +112,23 @@ def heading(
             rich_help_panel=SITE,
         ),
     ] = None,
+    turn_angle_sigma_deg: Annotated[
+        Any,
+        typer.Option(
+            metavar="DEG",
+            parser=degrees_option("a positive angle in degrees", "0.1", low=1e-6),
+            help="Sigma of one of --turn-angles; else it is inferred from what the gyro measures.",
+            rich_help_panel=SITE,
+        ),
+    ] = None,
+    poses: Annotated[
+        bool,
+        typer.Option(
+            "--poses",
+            help="The files are poses of one unit, in order of time; give --turn-angles too.",
+            rich_help_panel=SITE,
+        ),
+    ] = False,
     deviation: Deviation = None,
     any_session: AnySession = False,
     require_sigma: RequireSigma = None,
@@ -134,12 +152,12 @@ def heading(
         raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
     outputs: dict[str, tuple[Path | None, tuple[str, ...]]]
     outputs = {"--csv": (csv, ()), "--out": (out, TABLE_SUFFIXES), "--plot": (plot, PLOT_SUFFIXES)}
-    many = windows is not None or several(sources, resume=resume)
+    many = poses or windows is not None or several(sources, resume=resume)
     check_outputs(outputs | {"--report": (report, PAGE_SUFFIXES)}, source=None if many else Path(sources[0]))
     kept = _table_to_keep(csv, out, resume=resume, as_json=as_json)
     if many:
-        asked = (("--plot", plot), ("--report", report), ("--nmea", nmea), ("--posterior", posterior))
-        single = [name for name, given in asked if given]
+        of_one = (("--nmea", nmea), ("--posterior", posterior)) if not poses else ()
+        single = [name for name, given in (("--plot", plot), ("--report", report), *of_one) if given]
         if single:
             what = f"{sources[0]} is a folder" if Path(sources[0]).is_dir() else "these are many"
             raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
@@ -150,7 +168,20 @@ def heading(
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     if biased and method == "learned" and model is not None:
         check_bias(model)
-    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve, require_sigma)
+    request = Request(
+        reading,
+        _sensor(sensor),
+        method,
+        gyro_bias,
+        attitude,
+        model,
+        turn_angles,
+        curve,
+        require_sigma,
+        turn_angle_sigma_deg,
+    )
+    if poses:
+        return _as_poses(sources, request, as_json=as_json, posterior=posterior, nmea=nmea, kept=kept)
     if many:
         place = Place(scheduler, workers)
         return _many(sources, request, place, as_json=as_json, kept=kept, resume=resume, windows=windows)
@@ -200,6 +231,15 @@ def _file(
 
             settings = request.settings()
             write_table(kept, settings, [outcome.stamped(checksum_of(path), settings)])
+    _print(outcome, as_json=as_json, posterior=posterior, nmea=nmea)
+    _tell_written(plot, report, kept)
+    return VALID if estimate.valid else REFUSED
+
+
+def _print(outcome: Outcome, *, as_json: bool, posterior: bool, nmea: bool) -> None:
+    """The heading of one outcome to standard output."""
+    estimate = outcome.estimate
+    assert estimate is not None
     if as_json:
         print_json(estimate.to_json(posterior=posterior))
     elif nmea:
@@ -210,7 +250,28 @@ def _file(
         from gyronorth.report.terminal import print_heading
 
         print_heading(outcome, sys.stdout)
-    _tell_written(plot, report, kept)
+
+
+def _as_poses(
+    sources: list[str], request: Request, *, as_json: bool, posterior: bool, nmea: bool, kept: Path | None
+) -> int:
+    """One heading of several files, each a pose of the same unit."""
+    from gyronorth.errors import InputError
+    from gyronorth.many.remote import at_hand
+    from gyronorth.many.sources import recordings
+    from gyronorth.report.tables import Outcome
+
+    if kept is not None:
+        raise InputError("--poses makes one heading of all files, and a table has a row for each; give --json instead.")
+    items, read = recordings(sources), list[Any]()
+    for item in items:
+        with at_hand(item.address) as path, reading_file(path) as progress:
+            read.append(request.read(path, progress))
+    with working("finding north"):
+        estimate = request.heading(read)
+    name = " + ".join(item.name for item in items)
+    outcome = Outcome(name, estimate, heading_true=read[-1].heading_true)
+    _print(outcome, as_json=as_json, posterior=posterior, nmea=nmea)
     return VALID if estimate.valid else REFUSED
 
 

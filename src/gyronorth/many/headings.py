@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gyronorth.sensor import Sensor
 
 #: Settings in rad, given in degrees in the table.
-_ANGLES = ("latitude", "boresight", "attitude", "turn_angles", "require_sigma")
+_ANGLES = ("latitude", "boresight", "attitude", "turn_angles", "turn_angle_sigma", "require_sigma")
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Request:
     turn_angles: tuple[float, ...] | None = None  # rad
     deviation: DeviationModel | None = None
     require_sigma: float | None = None  # rad
+    turn_angle_sigma: float | None = None  # rad
 
     def read(self, path: Path, progress: Callable[[float], None] | None = None) -> Recording:
         """The recording, less its known bias."""
@@ -53,7 +54,7 @@ class Request:
         """A recording, less its known bias."""
         return recording if self.gyro_bias is None else recording.without_bias(self.gyro_bias)
 
-    def heading(self, recording: Recording) -> HeadingEstimate:
+    def heading(self, recording: Recording | list[Recording]) -> HeadingEstimate:
         """What the pipeline finds."""
         from gyronorth import pipeline
 
@@ -65,6 +66,7 @@ class Request:
             model=self.model,
             attitude=self.attitude,
             turn_angles=self.turn_angles,
+            turn_angle_sigma=self.turn_angle_sigma,
             deviation=self.deviation,
             require_sigma=self.require_sigma,
         )
