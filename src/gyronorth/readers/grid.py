@@ -172,6 +172,8 @@ class GridBuilder:
 
     def _count_flags(self, numbers: NDArray[np.int64], positions: NDArray[np.int64]) -> None:
         """Rows inside the window that the unit marks."""
+        if not self._marks:
+            return
         inside = numbers[(positions >= self._window[0]) & (positions < self._window[1])]
         for rows, flags in self._marks:
             self.flagged += flags[np.isin(rows, inside)].sum(axis=0)
