@@ -225,6 +225,7 @@ class LiveState(TypedDict):
     fitness: Literal["aligning", "degraded", "valid", "held", "invalid"]
     age_s: float | None
     held_s: float | None
+    alignment_deg: float
     rate_of_turn_deg_min: float | None
     replay: bool
     source: str
