@@ -12,7 +12,7 @@ DEMO := examples/data/demo.npz
 DEMO_SIZE_LIMIT := 450
 
 .DELETE_ON_ERROR:
-.PHONY: browser demo test fast long check examples docs outputs pictures readme demo-recording size release-check oldest audit constraints clean
+.PHONY: browser demo test fast long check examples docs outputs pictures notebooks readme demo-recording size release-check oldest audit constraints clean
 
 demo: .venv/.demo
 	@mkdir -p out
@@ -56,6 +56,10 @@ outputs: .venv/.all
 
 pictures: .venv/.all
 	$(BIN)/python docs/make_pictures.py
+
+# The notebooks of examples/, from the scripts beside them, with what they print and draw.
+notebooks: .venv/.all
+	$(BIN)/python docs/make_notebooks.py
 
 # The table, the picture and the demo's answer in README.md, from their seeds.
 readme: .venv/.all

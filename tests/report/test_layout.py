@@ -54,12 +54,13 @@ def test_nothing_is_cut_on_a_phone_and_in_print(reports, chromium):
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page()
         for name, path in reports.items():
+            page.goto(path.as_uri())
             for media, width in (("screen", 390), ("screen", 1100), ("print", 680)):
-                page = browser.new_page(viewport={"width": width, "height": 800})
                 page.emulate_media(media=media)
-                page.goto(path.as_uri())
+                page.set_viewport_size({"width": width, "height": 800})
                 assert page.evaluate(BEYOND) == [0, 0, []], f"{name} at {width} px, {media}"
                 assert page.locator("h2", has_text="Checks").is_visible()
-                page.close()
+        assert page.pdf(format="A4").startswith(b"%PDF")
         browser.close()

@@ -81,6 +81,7 @@ def estimate(
         rate_norm=norm,
         implied_latitude=float(implied_latitude(result.attitude.rate_l)) if norm > 0 else None,
         disturbance=result.disturbance,
+        posterior=result.density,
         checks=checks_of(gates, samples=problem.gyro_b.shape[-2], duration=problem.duration),
     ).checked()
 

@@ -15,7 +15,7 @@ from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
 from gyronorth.cli.tasks import ABOUT
 
 #: Panel of the options that every command has.
-PANEL = "How much is said"
+PANEL = "Verbosity"
 
 
 class Commands(TyperGroup):
@@ -45,8 +45,8 @@ class Commands(TyperGroup):
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # for as long as the command runs
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # a file name may not fit the terminal's encoding
-        given = list(args[0] if args and args[0] is not None else extra.pop("args", None) or sys.argv[1:])
-        given = with_bare_increments(given)
+        words = args[0] if args else extra.pop("args", None)
+        given = with_bare_increments(list(sys.argv[1:] if words is None else words))
         try:
             code = super().main(given, *args[1:], standalone_mode=False, **extra)
             sys.stdout.flush()
@@ -121,7 +121,7 @@ def _verbosity() -> list[Any]:
             callback=_set_level(QUIET),
             expose_value=False,
             rich_help_panel=PANEL,
-            help="No progress on standard error: results and errors only.",
+            help="Results and errors only: no progress on standard error.",
         ),
         verbose: bool = typer.Option(
             False,
@@ -130,7 +130,7 @@ def _verbosity() -> list[Any]:
             callback=_set_level(VERBOSE),
             expose_value=False,
             rich_help_panel=PANEL,
-            help="The time of each step on standard error, and where in the program an error arose.",
+            help="Time of each step and traceback of errors on standard error.",
         ),
     ) -> None: ...
 

@@ -43,6 +43,9 @@ from gyronorth.cli.options import (
 from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from gyronorth.allan import AllanDeviation
     from gyronorth.estimate import HeadingEstimate
     from gyronorth.many import Request
@@ -66,6 +69,10 @@ def heading(
     sensor: SensorName = None,
     method: MethodName = "auto",
     as_json: Json = False,
+    posterior: Annotated[
+        bool,
+        typer.Option("--posterior", help="Put the density of the heading into the JSON.", rich_help_panel=OUTPUT),
+    ] = False,
     csv: Annotated[
         Path | None,
         typer.Option(metavar="OUT.csv", help="Write a table, one row per recording.", rich_help_panel=OUTPUT),
@@ -80,7 +87,8 @@ def heading(
     windows: Windows = None,
     plot: Plot = None,
     report: Annotated[
-        Path | None, typer.Option(metavar="OUT.html", help="Write one self-contained page.", rich_help_panel=OUTPUT)
+        Path | None,
+        typer.Option(metavar="OUT.html", help="Write a report: one self-contained HTML page.", rich_help_panel=OUTPUT),
     ] = None,
     nmea: Annotated[
         bool,
@@ -99,7 +107,7 @@ def heading(
         typer.Option(
             metavar="A,B,..",
             parser=angles,
-            help="Angles of the turns between poses, degrees, positive clockwise; else the gyro measures them.",
+            help="Angles of the turns between poses, degrees, positive clockwise; by default the gyro measures them.",
             rich_help_panel=SITE,
         ),
     ] = None,
@@ -120,6 +128,8 @@ def heading(
 
     if as_json and nmea:
         raise InputError("--json and --nmea both print to standard output; give one of them.")
+    if posterior and not as_json:
+        raise InputError("--posterior puts the density of the heading into the JSON; add --json.")
     if (roll is None) != (pitch is None):
         raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
     outputs: dict[str, tuple[Path | None, tuple[str, ...]]]
@@ -128,7 +138,8 @@ def heading(
     check_outputs(outputs | {"--report": (report, PAGE_SUFFIXES)}, source=None if many else Path(sources[0]))
     kept = _table_to_keep(csv, out, resume=resume, as_json=as_json)
     if many:
-        single = [name for name, given in (("--plot", plot), ("--report", report), ("--nmea", nmea)) if given]
+        asked = (("--plot", plot), ("--report", report), ("--nmea", nmea), ("--posterior", posterior))
+        single = [name for name, given in asked if given]
         if single:
             what = f"{sources[0]} is a folder" if Path(sources[0]).is_dir() else "these are many"
             raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
@@ -143,7 +154,8 @@ def heading(
     if many:
         place = Place(scheduler, workers)
         return _many(sources, request, place, as_json=as_json, kept=kept, resume=resume, windows=windows)
-    return _file(sources[0], request, as_json=as_json, nmea=nmea, kept=kept, plot=plot, report=report)
+    given = {"as_json": as_json, "posterior": posterior, "nmea": nmea}
+    return _file(sources[0], request, **given, kept=kept, plot=plot, report=report)
 
 
 def _table_to_keep(csv: Path | None, out: Path | None, *, resume: bool, as_json: bool) -> Path | None:
@@ -164,6 +176,7 @@ def _file(
     request: Request,
     *,
     as_json: bool,
+    posterior: bool,
     nmea: bool,
     kept: Path | None,
     plot: Path | None,
@@ -188,7 +201,7 @@ def _file(
             settings = request.settings()
             write_table(kept, settings, [outcome.stamped(checksum_of(path), settings)])
     if as_json:
-        print_json(estimate.to_json())
+        print_json(estimate.to_json(posterior=posterior))
     elif nmea:
         from gyronorth.report.nmea import sentences
 
@@ -222,10 +235,20 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
         figure = figures.heading_figure(convergence, estimate, heading_true=truth, deviation=deviation)
         figures.write(figure, plot)
     if report is not None:
+        from gyronorth.report.comparison import opinions
         from gyronorth.report.html import heading_page
+        from gyronorth.report.spectrum import SHORTEST, spectrum
 
-        inputs = _inputs(outcome.file, recording, request)
-        page = heading_page(outcome, convergence, deviation=deviation, inputs=inputs, sensor=request.sensor)
+        gyro_b = _longest_pose(recording, estimate)
+        page = heading_page(
+            outcome,
+            convergence,
+            deviation=deviation,
+            inputs=_inputs(outcome.file, recording, request),
+            sensor=request.sensor,
+            spectrum=spectrum(gyro_b, rate_hz=recording.rate_hz) if len(gyro_b) >= SHORTEST else None,
+            opinions=opinions(recording, estimate, sensor=request.sensor, attitude=request.attitude),
+        )
         write_text(report, page, errors="backslashreplace")  # a file name may be no UTF-8
 
 
@@ -281,16 +304,19 @@ def _sensor(name_or_file: str | None) -> Sensor | None:
 
 
 def _deviation(recording: Recording, estimate: HeadingEstimate) -> AllanDeviation | None:
-    """Allan deviation of the gyro, of turned recordings in the longest pose; None where that is too short to draw."""
+    """Allan deviation of the gyro in the longest pose; None where that is too short to draw."""
     from gyronorth.allan import allan_deviation
 
-    gyro_b = recording.gyro_b
-    if len(estimate.poses) > 1:
-        pose = max(estimate.poses, key=lambda pose: pose.end - pose.start)
-        gyro_b = gyro_b[round(pose.start * recording.rate_hz) : round(pose.end * recording.rate_hz)]
-    if len(gyro_b) < SHORTEST_ALLAN:
-        return None
-    return allan_deviation(gyro_b, rate_hz=recording.rate_hz)
+    gyro_b = _longest_pose(recording, estimate)
+    return None if len(gyro_b) < SHORTEST_ALLAN else allan_deviation(gyro_b, rate_hz=recording.rate_hz)
+
+
+def _longest_pose(recording: Recording, estimate: HeadingEstimate) -> NDArray[np.float64]:
+    """The rate of the whole recording or, where it was turned, of its longest pose."""
+    if len(estimate.poses) < 2:
+        return recording.gyro_b
+    pose = max(estimate.poses, key=lambda pose: pose.end - pose.start)
+    return recording.gyro_b[round(pose.start * recording.rate_hz) : round(pose.end * recording.rate_hz)]
 
 
 def _checksum(path: Path) -> str:
@@ -302,6 +328,8 @@ def _checksum(path: Path) -> str:
 
 def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str, str]]:
     """What the user declared and what the file says, for the report."""
+    from gyronorth.report.recordings import AXES_ORIGINS
+
     reading = request.reading
     inputs = [("command", shlex.join(["gyronorth", *sys.argv[1:]])), ("file", file)]
     if Path(file).is_file():  # a bag may be a folder
@@ -311,7 +339,9 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     inputs.append(("method asked for", request.method))
     if reading.window is not None:
         inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
-    names = ("axes", "gyro_unit", "accel_unit", "variable", "topic", "protocol")
+    origin = AXES_ORIGINS[recording.axes_origin]
+    inputs.append(("axes of the file", origin if reading.axes is None else f"{reading.axes}, {origin}"))
+    names = ("gyro_unit", "accel_unit", "variable", "topic", "protocol")
     declared = [(name, getattr(reading, name)) for name in names]
     inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
     if reading.rate_hz is not None:

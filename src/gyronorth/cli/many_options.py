@@ -60,7 +60,7 @@ Scheduler = Annotated[
 ]
 Resume = Annotated[
     bool,
-    typer.Option("--resume", help="Go on with the table: only what is missing or has changed.", rich_help_panel=MANY),
+    typer.Option("--resume", help="Continue the table: compute only missing or changed files.", rich_help_panel=MANY),
 ]
 Out = Annotated[
     Path | None,
@@ -75,7 +75,7 @@ Windows = Annotated[
     typer.Option(
         metavar="LENGTH[:STEP]",
         parser=window_steps,
-        help="A heading for every window of this length, each STEP after the last, seconds.",
+        help="Compute a heading for each window of LENGTH seconds, STEP apart.",
         rich_help_panel=OUTPUT,
     ),
 ]

@@ -99,7 +99,7 @@ def simulate(
             help=f"{', '.join((*KINDS, *SLOW, *PLATFORM))}; not known to any method: {', '.join(HELD_OUT)}.",
         ),
     ] = "quiet",
-    no_accel: Annotated[bool, typer.Option("--no-accel", help="Leave the accelerometer out.")] = False,
+    no_accel: Annotated[bool, typer.Option("--no-accel", help="Simulate no accelerometer.")] = False,
     force: Force = False,
 ) -> None:
     """Write a simulated recording of a sensor, with its true heading."""
@@ -188,7 +188,7 @@ def convert(
         typer.Option(
             metavar="HZ",
             parser=number("a positive rate in Hz", "3", above=0),
-            help="Average down to this rate, any ratio; the mean is kept exactly.",
+            help="Average down to this rate, any ratio; keeps the mean exactly.",
         ),
     ] = None,
     force: Force = False,

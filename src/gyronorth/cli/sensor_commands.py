@@ -186,7 +186,7 @@ def plan(
     ] = "mean",
     turns: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Also: what up to N turns bring, 100 s of standing still shared by the poses."),
+        typer.Option(metavar="N", help="Also plan up to N turns, with 100 s of standing still shared by the poses."),
     ] = None,
     as_json: Json = False,
     plot: Plot = None,

@@ -32,7 +32,7 @@ from gyronorth.studies.work import Job, Result
 
 #: Recordings of a cell and of a unit, their rate, Hz, and latitude, rad.
 RUNS, ROWS, RATE_HZ, LATITUDE = 100, 50, 10.0, np.radians(48.0)
-METHODS = ("auto", "posterior", "mean", "inertial")
+METHODS = ("auto", "mean", "inertial")
 #: Attitude of the units, one standard deviation, rad; lag of the wind, s.
 TILTED, LAG = np.radians(1.0), 3.0
 
