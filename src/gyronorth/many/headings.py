@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gyronorth.errors import InputError
-from gyronorth.many.remote import at_hand, checksum_of, state_of
+from gyronorth.many.remote import NotFetched, at_hand, checksum_of, state_of
 from gyronorth.many.sources import Item, recordings
 from gyronorth.report.tables import Outcome
 
@@ -131,7 +131,7 @@ class Work:
                         return []
                 found = self.task.found(item.name, path)
         except Exception as error:
-            transient = isinstance(error, OSError | MemoryError)
+            transient = isinstance(error, OSError | MemoryError | NotFetched)
             found = [self.task.failed(item.name, told(error))]
             checksum = "" if transient else checksum
         return [outcome.stamped(checksum, self.settings) for outcome in found]
