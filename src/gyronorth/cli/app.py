@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from difflib import get_close_matches
 from typing import Any, NoReturn
 
 import typer
@@ -63,6 +64,14 @@ class Commands(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
 
+def _near_command(message: str, arguments: list[str]) -> str:
+    """A known command nearly like the one given, where this version of typer does not say so itself."""
+    if not message.startswith("No such command") or "Did you mean" in message:
+        return ""
+    near = get_close_matches(arguments[0] if arguments else "", ABOUT, n=1)
+    return f" Did you mean '{near[0]}'?" if near else ""
+
+
 def with_bare_increments(arguments: list[str]) -> list[str]:
     """The arguments with `--increments` alone meaning those of both sensors."""
     behind = [*arguments[1:], ""][: len(arguments)]
@@ -80,7 +89,8 @@ def _user_error(error: Exception, arguments: list[str]) -> str | None:
         context = getattr(error, "ctx", None)
         hint = f"\nTry '{context.command_path} --help'." if context else ""
         # Some versions let a word of pydantic's through.
-        return error.format_message().replace("Value error, ", "") + hint  # type: ignore[attr-defined]
+        message = error.format_message().replace("Value error, ", "")  # type: ignore[attr-defined]
+        return message + _near_command(message, arguments) + hint
     if isinstance(error, InputError):
         # A reader's question ends in the command that would settle it.
         return error.for_command(arguments) if hasattr(error, "for_command") else str(error)  # type: ignore[attr-defined]

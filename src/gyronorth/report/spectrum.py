@@ -57,7 +57,7 @@ def spectrum(x: ArrayLike, *, rate_hz: float) -> Spectrum:
         piece = x[number * (length // 2) :][:length]
         power += np.abs(np.fft.rfft((piece - piece.mean(axis=0)) * window, axis=0)) ** 2
     power /= SEGMENTS * rate_hz * np.sum(window**2)
-    frequency = np.arange(length // 2 + 1) * (rate_hz / length)
+    frequency = np.linspace(0, length // 2 * rate_hz / length, length // 2 + 1, dtype=np.float64)
     return _in_bins(frequency[1:], power[1:])
 
 
@@ -67,8 +67,8 @@ def _in_bins(frequency: NDArray[np.float64], power: NDArray[np.float64]) -> Spec
     number = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, POINTS - 1)
     first = np.flatnonzero(np.diff(number, prepend=-1))
     count = np.diff(first, append=len(frequency))
-    mean = np.add.reduceat(frequency, first) / count
-    return Spectrum(mean, np.sqrt(np.add.reduceat(power, first, axis=0) / count[:, None]))
+    middle: NDArray[np.float64] = np.add.reduceat(frequency, first) / count
+    return Spectrum(middle, np.sqrt(np.add.reduceat(power, first, axis=0) / count[:, None]))
 
 
 def spectrum_figure(found: Spectrum, *, white: float | None = None) -> Figure:
