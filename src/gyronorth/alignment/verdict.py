@@ -171,7 +171,8 @@ def _warnings(problem: Problem, result: Result) -> list[Finding]:
         cost = np.tan(abs(problem.latitude))
         message = f"No accelerometer: the unit is taken as level; each degree of tilt costs up to {cost:.2f} deg."
         warnings.append(Finding("assumed_level", message))
-    if result.swaying and problem.motion.detected:
+    told = any(finding.code == "swaying" for finding in result.findings)
+    if result.swaying and problem.motion.detected and not told:
         warnings.append(_swaying(problem.motion))
     first, held = longest_hold(problem.gyro_b)
     noiseless = problem.sensor is not None and problem.sensor.gyro.white == 0  # simulated
