@@ -134,17 +134,23 @@ def von_mises(concentration: ArrayLike) -> tuple[Array, Array]:
     For kappa -> inf sigma is 1 / sqrt(kappa); for kappa -> 0 it is pi / sqrt(3).
     """
     kappa = np.asarray(concentration, dtype=float)
-    grid, rms, half = _von_mises_table()
+    grid = np.geomspace(1e-4, 1e6, 300)
     # The table holds sigma sqrt(kappa) and half-width sqrt(kappa), smooth in ln kappa.
     held = np.clip(kappa, grid[0], grid[-1])
-    at, knots = np.log(held), np.log(grid)
+    first, last = 0, len(grid)
+    if kappa.size == 1 and np.isfinite(kappa).all():  # a heading alone needs two rows of it
+        first = min(max(int(np.searchsorted(grid, held.item(), side="right")) - 1, 0), len(grid) - 2)
+        last = first + 2
+    at, knots = np.log(held), np.log(grid[first:last])
+    rms, half = _von_mises_rows(first, last)
     scale = 1 / np.sqrt(np.where(kappa > grid[-1], kappa, held))
     return np.interp(at, knots, rms) * scale, np.interp(at, knots, half) * scale
 
 
-@lru_cache
-def _von_mises_table() -> tuple[Array, Array, Array]:
-    grid = np.geomspace(1e-4, 1e6, 300)
+@lru_cache(maxsize=64)
+def _von_mises_rows(first: int, last: int) -> tuple[Array, Array]:
+    """Rows of the table of `von_mises`."""
+    grid = np.geomspace(1e-4, 1e6, 300)[first:last]
     # Quadrature over the part of the circle that holds the mass, mirror symmetric.
     limit = np.minimum(np.pi, 9 / np.sqrt(grid))[:, None]
     angle = limit * (np.arange(1500) + 0.5) / 1500
@@ -154,4 +160,4 @@ def _von_mises_table() -> tuple[Array, Array, Array]:
     cumulative = np.cumsum(weight, axis=1)
     step = limit[:, 0] / 1500
     half = np.array([np.interp(0.95, c, a) for c, a in zip(cumulative, angle, strict=True)]) + step / 2
-    return grid, rms * np.sqrt(grid), half * np.sqrt(grid)
+    return rms * np.sqrt(grid), half * np.sqrt(grid)

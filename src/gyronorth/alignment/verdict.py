@@ -15,7 +15,7 @@ from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS
 from gyronorth.alignment.result import Result
 from gyronorth.angles import wrap_heading
-from gyronorth.arrays import Array, Mask
+from gyronorth.arrays import Array, Mask, mean_of_rows
 from gyronorth.conditioning import longest_hold
 from gyronorth.estimate import HeadingBatch, HeadingEstimate, Pose
 from gyronorth.findings import Finding
@@ -53,7 +53,7 @@ def estimate(
     if not poses and result.known:
         poses = (Pose(0.0, problem.duration, float(result.attitude.heading)),)
     first, last = (round(edge * problem.rate_hz) for edge in (poses[-1].start, poses[-1].end)) if poses else (0, None)
-    mean = problem.gyro_b[first:last].mean(axis=0)
+    mean = mean_of_rows(problem.gyro_b[first:last])
     norm = float(np.linalg.norm(mean))
     gates = [*judge(problem, result, METHODS.info(result.method).gates, peaks=peaks), *output_gates(problem)]
     reasons = [*result.refusals, *(finding for gate in gates if (finding := gate.finding()))]
@@ -82,6 +82,7 @@ def estimate(
         rate_norm=norm,
         implied_latitude=float(implied_latitude(result.attitude.rate_l)) if norm > 0 else None,
         disturbance=result.disturbance,
+        posterior=result.density,
         checks=checks_of(gates, samples=problem.gyro_b.shape[-2], duration=problem.duration),
     ).checked()
 
