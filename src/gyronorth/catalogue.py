@@ -177,6 +177,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),
     FindingInfo("deviation_unused", "warning", "deviation curve unused", "A deviation curve was not applied."),
     FindingInfo("profile_scaled", "warning", "beyond its profile", "The unit behaves as several times its profile."),
+    FindingInfo(
+        "profile_bounds", "warning", "profile of bounds", "The profile holds upper bounds in place of figures."
+    ),
     FindingInfo("frozen", "warning", "output does not change", "The gyro's output does not change for a while."),
     FindingInfo("simulated_noise", "warning", "simulated noise", "The biases are real, the noise is simulated."),
     FindingInfo("log_time_used", "warning", "recorder's time used", "The messages carry no time of their own."),

@@ -25,7 +25,7 @@ from gyronorth.pipeline import heading
 from gyronorth.recording import Gap, Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor, write_sensor
 from gyronorth.sensor.law import NoiseLaw, gauss_markov_allan_variance
-from gyronorth.simulation import sensor_errors, simulate_batch
+from gyronorth.simulation import sensor_errors, simulate, simulate_batch
 
 LATITUDE = np.radians(32.11)
 #: Angle random walk of most tests: 0.02 deg/sqrt(h).
@@ -528,3 +528,19 @@ def test_a_record_that_repeats_itself_is_refused():
     x = np.tile(np.random.default_rng(8).normal(0, 1e-4, 1 << 12), 20)
     with pytest.raises(InputError, match=r"repeats itself every 40.96 s or a whole part of that"):
         identify(x, rate_hz=100.0)
+
+
+def test_a_bound_is_marked_in_the_profile_and_told_by_heading(tmp_path):
+    """Ten minutes do not identify the drift of a fibre-optic gyro: the file says so, and so does every heading."""
+    recording = simulate("isa100c", latitude=0.84, heading=1.0, duration=600, rate_hz=5, rng=np.random.default_rng(1))
+    found = characterise(recording, name="mine").sensor
+    write_sensor(found, tmp_path / "mine.json")
+    again = read_sensor(tmp_path / "mine.json")
+    assert again.bounds == found.bounds
+    assert "gyro.bias_instability_deg_h" in again.bounds
+    assert "gyro.angle_random_walk_deg_sqrt_h" not in again.bounds
+    told = {warning.code: warning.message for warning in heading(recording, sensor=again, method="mean").warnings}
+    assert "gyro.bias_instability_deg_h" in told["profile_bounds"]
+    (tmp_path / "wrong.json").write_text((tmp_path / "mine.json").read_text().replace('"gyro.bias_', '"gyro.biass_'))
+    with pytest.raises(InputError, match=r"did you mean gyro\.bias_instability_deg_h"):
+        read_sensor(tmp_path / "wrong.json")

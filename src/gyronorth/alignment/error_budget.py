@@ -27,6 +27,8 @@ NOISE_EXPLAINS = np.log(2)
 MOST_SCALE = 3.0
 #: Error of level, rad, that is allowed for where no profile says it: an accelerometer bias of 2 mg.
 LEVEL_UNKNOWN = 2e-3
+#: Pitch, rad, up to which its share in an error of level is left out.
+FLAT_PITCH = np.radians(10.0)
 #: Pitch, rad, up to which the heading of the forward axis is worked out; beyond it stands straight up or down.
 STEEPEST = np.radians(89.0)
 #: The same that noise alone exceeds in one record of 100.
@@ -39,7 +41,9 @@ def claimed_variance(problem: Problem, kind: Literal["mean", "inertial"]) -> dic
     claimed = horizontal_rate_variance(
         problem.sensor, latitude=problem.latitude, duration=problem.duration, method=kind
     )
-    claimed["levelling"] = levelling_variance(problem)
+    if problem.accel_b is None:
+        claimed["levelling"] = np.zeros(())
+    claimed |= pitch_variance(problem)
     return {name: np.broadcast_to(value, problem.shape) for name, value in claimed.items()}
 
 
@@ -52,22 +56,25 @@ def level_sigma(problem: Problem) -> float:
     return float(np.sqrt(tilt_variance(problem.sensor, latitude=problem.latitude, duration=problem.duration)))
 
 
-def levelling_variance(problem: Problem) -> Array:
-    """Variance of a horizontal rate component that an error of level stands for, (rad/s)^2.
+def pitch_variance(problem: Problem) -> dict[str, Array]:
+    """What pitch adds to the cost of an error of level, as the term "pitch", (rad/s)^2; none below `FLAT_PITCH`.
 
     Notes
     -----
-    With c = cos(pitch) an error f of the specific force across the forward axis rolls the unit by f / c, and the
+    With c = cos(pitch) an error f of the specific force across the forward axis rolls the unit by f / c, and turns the
     heading of that axis by (tan(pitch) - tan(lat) cos(heading)) f; one along it by tan(lat) sin(heading) f. The sum of
-    squares, (tan^2(lat) + tan^2(pitch) - 2 tan(lat) tan(pitch) cos(heading)) s^2, grows without bound at the gimbal.
-    Without a profile the size of s is not known, and only what the pitch adds is counted.
+    squares is tan^2(lat) s^2, the term "levelling", and (tan^2(pitch) - 2 tan(lat) tan(pitch) cos(heading)) s^2, which
+    grows without bound at the gimbal. Without a profile the sign of the second part is not used.
     """
+    pitch = problem.mean.pitch
+    if problem.accel_b is None or not np.any(np.abs(pitch) > FLAT_PITCH):
+        return {}
     north, down = horizontal_earth_rate(problem.latitude), EARTH_RATE * np.sin(problem.latitude)
-    raised = np.tan(np.clip(problem.mean.pitch, -STEEPEST, STEEPEST)) * north
+    raised = np.tan(np.clip(pitch, -STEEPEST, STEEPEST)) * north
     square = raised**2
     if problem.sensor is not None:
-        square = square + down**2 - 2 * down * raised * np.cos(problem.mean.heading)
-    return np.asarray(level_sigma(problem) ** 2 * square)
+        square = np.maximum(square - 2 * down * raised * np.cos(problem.mean.heading), 0)
+    return {"pitch": np.asarray(level_sigma(problem) ** 2 * square)}
 
 
 def horizontal_earth_rate(latitude: float) -> float:
@@ -98,14 +105,14 @@ def concluded(
     horizontal = np.hypot(attitude.rate_l[..., 0], attitude.rate_l[..., 1])
     # First-order scale: a rate error e turns a rate of size |h| by e / sqrt(|h| Omega cos lat).
     square = np.maximum(horizontal * signal, np.finfo(float).tiny)
+    raised = variance.get("pitch", np.zeros(()))  # a turn about the vertical is seen in neither discrepancy
     if problem.sensor is None:
-        tilted = variance["levelling"]  # a turn about the vertical is seen in neither discrepancy
-        known = np.maximum(sum(variance.values()) - tilted, RATE_FLOOR**2)
+        known = np.maximum(sum(variance.values()) - raised, RATE_FLOOR**2)
         scale, quantile = _inferred_scale(
             horizontal - signal, attitude.rate_l[..., 2], known, vertical, problem.latitude
         )
-        sigma, half = von_mises(square / (known + tilted))
-        biased = np.minimum(np.sqrt(((quantile * scale) ** 2 + NORMAL_975**2 * tilted) / square), np.pi)
+        sigma, half = von_mises(square / (known + raised))
+        biased = np.minimum(np.sqrt(((quantile * scale) ** 2 + NORMAL_975**2 * raised) / square), np.pi)
         half = np.where(quantile > 0, biased, half)
         sigma = np.where(quantile > 0, np.minimum(biased / NORMAL_975, SIGMA_UNKNOWN), sigma)
         whole = (quantile * scale / NORMAL_975) ** 2
@@ -115,9 +122,8 @@ def concluded(
         total = np.maximum(sum(variance.values()) + np.zeros_like(horizontal), RATE_FLOOR**2)
         sigma, half = von_mises(square / total)
         yaw = problem.motion.yaw_variance
+        total = total - raised
         upright = np.maximum(total - variance["levelling"] - variance["sway"], RATE_FLOOR**2) + yaw
-        down = EARTH_RATE * np.sin(problem.latitude)
-        total = total - variance["levelling"] + (level_sigma(problem) * down) ** 2
     limit = TURN_LIMITS[turn_limit](sigma)
     judged = Judged(attitude.rate_l, total, upright, limit)
     return Result(method, attitude, Posterior.symmetric(sigma, half), variance, np.sqrt(square), judged=judged)

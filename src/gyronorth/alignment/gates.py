@@ -172,7 +172,7 @@ def gimbal_gate(pitch: Array, level_sigma: float) -> Gate:
     """Pitch so near to 90 degrees that the forward axis has no heading, or none that an error of level leaves.
 
     `level_sigma` is the standard deviation of the direction of gravity in the body, rad: over cos(pitch) it is that
-    of roll, and over cot(pitch) what it costs the heading (`error_budget.levelling_variance`).
+    of roll, and over cot(pitch) what it costs the heading (`error_budget.pitch_variance`).
     """
     limit = min(STEEPEST, float(np.arccos(min(level_sigma / LARGEST_ROLL_ERROR, 1.0))))
     value = np.degrees(np.abs(pitch))

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 #: Log of the odds against a run of equal samples by chance, from which an axis is said to hang.
 HUNG = 14.0
-#: Times that where most samples are as the one before: a coarse unit whose mean drifts from step to step.
+#: Share of samples that differ from the one before in an output that is not coarse.
+FINE = 0.99
+#: Times `HUNG` for a coarse output, whose mean drifts from step to step; rows of a long stream are means of it.
 HUNG_IF_COARSE = 10.0
 #: Step of an output, rad/s and m/s^2, whose rounding no heading would show; an axis may then rest on one value.
 HARMLESS_STEP = {"gyro": 1.0 * DEG_PER_HOUR, "accelerometer": 1e-3 * STANDARD_GRAVITY}
@@ -74,8 +76,8 @@ def axis_gates(x: Array, *, rate_hz: float, what: str) -> list[Gate]:
     Notes
     -----
     An axis whose sample differs from the one before with probability r stays the same for L samples with probability
-    exp(-r L), at any of n places. It hangs where n exp(-r L) < exp(-`HUNG`), and for 2 s at least. A coarse output,
-    most of whose samples are as the one before, stays longer where its mean is between two steps: ten times as much is
+    exp(-r L), at any of n places. It hangs where n exp(-r L) < exp(-`HUNG`), and for 2 s at least. A coarse output
+    stays longer where its mean is between two steps: ten times as much is
     asked. It is dead where it never changes, beside axes that do (a coarse one with harmless steps may rest), or where
     its noise, by fourth differences that smooth motion does not reach, is a hundredth of both others' and its mean
     shows nothing.
@@ -84,7 +86,7 @@ def axis_gates(x: Array, *, rate_hz: float, what: str) -> list[Gate]:
     longest, changes = _holds(x)
     often = changes / np.maximum(count - longest, 1)
     least = max(FEWEST_SAMPLES, SHORTEST * rate_hz)
-    needed = (HUNG + np.log(count)) * np.where(often > 0.5, 1.0, HUNG_IF_COARSE)
+    needed = (HUNG + np.log(count)) * np.where(often > FINE, 1.0, HUNG_IF_COARSE)
     hung = (longest >= least) & (often * longest > needed)
     limit = np.full(longest.shape, SHORTEST)
     still = changes == 0
@@ -130,7 +132,7 @@ def _holds(x: Array) -> tuple[Array, Array]:
 def _step(x: Array) -> Array:
     """Smallest change of any axis, shape (...); 0 where nothing changes."""
     change = np.abs(np.diff(x, axis=-2))
-    least = np.where(change > 0, change, np.inf).min(axis=(-2, -1))
+    least = np.where(change > 0, change, np.inf).min(axis=(-2, -1), initial=np.inf)
     return np.where(np.isfinite(least), least, 0.0)
 
 

@@ -161,11 +161,19 @@ def _warnings(problem: Problem, result: Result) -> list[Finding]:
     if problem.sensor is None:
         message = "No sensor profile: the size of the gyro's errors is inferred from the recording itself."
         warnings.append(Finding("bias_unknown", message))
+    if problem.sensor is not None and problem.sensor.bounds:
+        message = (
+            f"The profile {problem.sensor.name} has upper bounds in place of figures "
+            f"({', '.join(problem.sensor.bounds)}): sigma is that or less. A longer recording at rest "
+            "(gyronorth allan -o) would tell them."
+        )
+        warnings.append(Finding("profile_bounds", message))
     if problem.accel_b is None and problem.attitude is None:
         cost = np.tan(abs(problem.latitude))
         message = f"No accelerometer: the unit is taken as level; each degree of tilt costs up to {cost:.2f} deg."
         warnings.append(Finding("assumed_level", message))
-    if result.swaying and problem.motion.detected:
+    told = any(finding.code == "swaying" for finding in result.findings)
+    if result.swaying and problem.motion.detected and not told:
         warnings.append(_swaying(problem.motion))
     first, held = longest_hold(problem.gyro_b)
     noiseless = problem.sensor is not None and problem.sensor.gyro.white == 0  # simulated

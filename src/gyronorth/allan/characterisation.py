@@ -146,6 +146,7 @@ def characterise(
         name=name,
         gyro=replace(sensor.gyro, **_figures(gyro)),
         accel=sensor.accel if accel is None else replace(sensor.accel, **_figures(accel)),
+        bounds=(*_bounds("gyro", gyro), *(() if accel is None else _bounds("accel", accel))),
     )
     if base is None:
         sensor, remarks = with_turn_on_bias(sensor, rate_b, force_b if len(force_b) else None, latitude)
@@ -213,6 +214,15 @@ def _figures(report: TriadReport) -> dict[str, float]:
         else:
             figures[term.field] = 0.0 if term.field == "quantisation" else max(triad.high, *lows)
     return figures
+
+
+def _bounds(triad: str, report: TriadReport) -> tuple[str, ...]:
+    """Figures of the profile that the curve only bounds, as they are called in its file."""
+    return tuple(
+        f"{triad}.{(term.gyro if triad == 'gyro' else term.accel).key}"
+        for term in TERMS
+        if getattr(report.triad, term.name).status != "identified" and term.field != "quantisation"
+    )
 
 
 def _remarks(what: str, report: TriadReport) -> list[str]:

@@ -73,6 +73,7 @@ class Sensor:
     accel: TriadErrors = field(default_factory=TriadErrors)
     g_sensitivity: float = 0.0  # gyro bias per specific force, (rad/s) / (m/s^2)
     source: str = ""  # citation
+    bounds: tuple[str, ...] = ()  # figures that are upper bounds, as `triad.key` of the profile's file
 
 
 def flicker_components(errors: TriadErrors) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

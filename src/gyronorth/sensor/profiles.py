@@ -104,8 +104,22 @@ class Profile(_Strict):
     schema_: Annotated[Literal["gyronorth.sensor/1"], Field(alias="schema")]
     name: Annotated[str, Field(min_length=1, max_length=100)]
     source: str = ""  # citation, and what could not be verified
+    upper_bounds: Annotated[
+        tuple[str, ...], Field(strict=False)
+    ] = ()  # figures that a recording only bounds, such as gyro.bias_instability_deg_h
     gyro: GyroProfile
     accel: AccelProfile = Field(default_factory=AccelProfile)
+
+    @model_validator(mode="after")
+    def _bounds_are_figures(self) -> Profile:
+        triads = (("gyro", GyroProfile.model_fields), ("accel", AccelProfile.model_fields))
+        figures = [f"{name}.{key}" for name, fields in triads for key in fields]
+        for name in self.upper_bounds:
+            if name not in figures:
+                near = difflib.get_close_matches(name, figures, n=1)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                raise ValueError(f"upper_bounds names {name}, which is no figure of the profile{hint}")
+        return self
 
 
 def _builtin() -> Traversable:
@@ -145,7 +159,8 @@ def parse(text: str, *, where: str) -> dict[str, Any]:
     if profile.accel.velocity_random_walk_ug_sqrt_hz:
         accel["white"] = profile.accel.velocity_random_walk_ug_sqrt_hz * _NOISE_DENSITY[1]
     sensitivity = profile.gyro.g_sensitivity_deg_h_g * _G_SENSITIVITY[1]
-    return {"name": profile.name, "source": profile.source, "gyro": gyro, "accel": accel, "g_sensitivity": sensitivity}
+    about = {"name": profile.name, "source": profile.source, "bounds": profile.upper_bounds}
+    return {**about, "gyro": gyro, "accel": accel, "g_sensitivity": sensitivity}
 
 
 def compose(values: dict[str, Any]) -> str:
@@ -153,6 +168,8 @@ def compose(values: dict[str, Any]) -> str:
     gyro, accel = _from_si(values["gyro"], _GYRO_UNITS), _from_si(values["accel"], _ACCEL_UNITS)
     gyro[_G_SENSITIVITY[0]] = values["g_sensitivity"] / _G_SENSITIVITY[1]
     content = {"schema": SCHEMA, "name": values["name"], "source": values["source"], "gyro": gyro, "accel": accel}
+    if values["bounds"]:
+        content["upper_bounds"] = list(values["bounds"])
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
