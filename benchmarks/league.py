@@ -1,8 +1,9 @@
-"""The same recordings through gyronorth and its peers: `python -m benchmarks league [--runs N] [--output FOLDER]`.
+"""The same recordings through gyronorth and its peers: `python -m benchmarks league [--runs N] [--data FOLDER]`.
 
 Error, claimed sigma, how often the truth lies in the 95 % interval, refused, CPU. Simulated sets are drawn by
 gyronorth's simulator; the set `published` has the mean rates of 60 real SDC500 recordings (arXiv 2312.12121) with
-simulated white noise. Every peer is given the same profile, as its interface takes it.
+simulated white noise; `--data` adds real recordings whose headings are known, cut into 100 s. Every peer is given
+the same profile, as its interface takes it.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.conditioning import decimated
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.pipeline import heading_batch
 from gyronorth.published import published_twin
+from gyronorth.readers import read
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.simulation import simulate_batch
 
@@ -31,8 +34,15 @@ LATITUDE = np.radians(48.0)
 PUBLISHED_LATITUDE = np.radians(32.11)
 #: Two-sided 95 % point of the normal law, for peers that claim a sigma only.
 NORMAL_975 = 1.96
-#: Programs that take seconds a recording are given only the first few of a set.
-AT_MOST = {"python-ins filter": 10}
+#: Programs that take seconds per recording get only the first of a set.
+AT_MOST = {"python-ins filter": 6}
+#: The filter updates once a second; means over that time cost a sixth and change its heading by 0.03 of its sigma.
+KALMAN_RATE_HZ = 1.0
+#: Real recordings with known headings: name of the set, profile whose bias is nearest, files.
+REAL = (
+    ("laser gyro, parked, swaying", "hg9900", ("lasergyro.imu",)),
+    ("HG1700, parked", "sdc500", ("kingston_100_200.csv", "kingston_300_400.csv")),
+)
 COLUMNS = ("set", "program", "recordings", "error_deg", "sigma_deg", "truth_in_95", "refused", "cpu_s")
 
 
@@ -96,6 +106,33 @@ def sets(runs: int) -> list[Recordings]:
     return found
 
 
+def real_sets(folder: Path) -> list[Recordings]:
+    """Pieces of `DURATION` of the real recordings in a folder, at `RATE_HZ`."""
+    found = []
+    for name, sensor, files in REAL:
+        recordings = [decimated(read(folder / file), RATE_HZ) for file in files]
+        count = round(DURATION * RATE_HZ)
+        pieces = [
+            (recording, slice(start, start + count))
+            for recording in recordings
+            for start in range(0, len(recording.gyro_b) - count + 1, count)
+        ]
+        latitude = recordings[0].latitude
+        assert latitude is not None
+        found.append(
+            Recordings(
+                name,
+                read_sensor(sensor),
+                latitude,
+                RATE_HZ,
+                np.array([recording.gyro_b[part] for recording, part in pieces]),
+                np.array([recording.accel_b[part] for recording, part in pieces if recording.accel_b is not None]),
+                np.array([recording.heading_true for recording, _ in pieces]),
+            )
+        )
+    return found
+
+
 def gyronorth(data: Recordings) -> Answer:
     """Method auto with the profile."""
     found = heading_batch(
@@ -141,7 +178,14 @@ def navtk(kind: str) -> Callable[[Recordings], Answer]:
 
 def kalman(data: Recordings) -> Answer:
     """Error-state filter of python-ins: zero velocity each second, biases as states, from the plain heading."""
-    rows = [_kalman_one(data, index) for index in range(len(data.gyro_b))]
+    factor = max(round(data.rate_hz / KALMAN_RATE_HZ), 1)
+    slow = replace(
+        data,
+        rate_hz=data.rate_hz / factor,
+        gyro_b=_block_means(data.gyro_b, factor),
+        accel_b=_block_means(data.accel_b, factor),
+    )
+    rows = [_kalman_one(slow, index) for index in range(len(slow.gyro_b))]
     heading, sigma = np.array(rows).T
     return claimed(data, heading, sigma)
 
@@ -218,6 +262,13 @@ def _navtk_one(kind: str, data: Recordings, index: int) -> tuple[float, float]:
     mat = np.asarray(solution.rot_mat)
     heading = float(np.arctan2(mat[0, 1], mat[0, 0]))
     return heading, float(np.sqrt(covariance[8, 8])) if known else np.nan
+
+
+def _block_means(samples: Array, factor: int) -> Array:
+    """Means of `factor` samples each, (m, n, 3) to (m, n // factor, 3)."""
+    runs, count, axes = samples.shape
+    whole = count // factor
+    return samples[:, : whole * factor].reshape(runs, whole, factor, axes).mean(axis=2)
 
 
 def _kalman_one(data: Recordings, index: int) -> tuple[float, float]:
@@ -313,11 +364,13 @@ def main(words: list[str]) -> int:
     """Run every program on every set, and write league.csv and league.md."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks league", description="gyronorth beside its peers.")
     parser.add_argument("--runs", type=int, default=60, help="recordings of a set")
+    parser.add_argument("--data", type=Path, help="folder of the real recordings, whose files REAL names")
     parser.add_argument("--output", type=Path, default=Path("out/league"), help="folder of league.csv and league.md")
     parser.add_argument("--without", action="append", default=[], choices=list(PROGRAMS), help="leave a program out")
     chosen = parser.parse_args(words)
     rows = []
-    for data in sets(chosen.runs):
+    real = real_sets(chosen.data) if chosen.data else []
+    for data in [*sets(chosen.runs), *real]:
         for program in (name for name in PROGRAMS if name not in chosen.without):
             rows.append(row(data, program))
             print(rows[-1], flush=True)

@@ -5,7 +5,8 @@ python docs/make_results.py             write the pages and figures again from w
 python docs/make_results.py --check     exit code 1 if a page is not what its data give
 
 A page is docs/results/<benchmark>.md. Its beginning is written by hand in docs/results/<benchmark>.intro.md, which
-holds no result; everything else comes from docs/results/data/<benchmark>/<study>.json. In the introduction
+holds no result; everything else comes from docs/results/data/<benchmark>/<study>.json: for each study its figure and,
+folded, its tables, which are also written as <study>.csv beside the JSON. In the introduction
 
     {{study | table | row | column}}
 
@@ -16,11 +17,13 @@ becomes a cell of a study: `table` is the table's title or its beginning, `row` 
     what is claimed | study | table | row | column | <= 0.45
     ```
 
-becomes a table with what was found and whether the claim holds. A limit is `<= x`, `>= x` or `x to y`, without a unit.
+becomes a table with the result and whether the claim holds. A limit is `<= x`, `>= x` or `x to y`, without a unit.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
 import sys
@@ -72,18 +75,37 @@ def page(benchmark: str, studies: dict[str, Study]) -> str:
 def section(study: Study, benchmark: str) -> str:
     """One study: what was done, figure, tables, and how to make them again."""
     name = study["study"]
-    lines = [f"## {study['title']}", study["text"]]
+    lines = [f"## {study['title']}"]
     if name in FIGURES:
         lines.append(f"![{study['title']}]({benchmark}-{name}.png)")
     plan = StudyPlan(**study["plan"])
-    lines += [NAMED[name].markdown(table_of(table), plan).strip() for table in study["tables"]]
-    if study["recordings"] != "published twin":
+    tables = [NAMED[name].markdown(table_of(table), plan).strip() for table in study["tables"]]
+    lines += [folded("How it was made", [study["text"]]), folded(f"Tables ({len(tables)})", tables)]
+    if NAMED[name].described is None and study["recordings"] != "published twin":
         raise SystemExit(f"{name} was run on recordings of somebody's own; pages are made from the shipped data.")
     lines.append(
         f"Made by `{study['command']}`: seed {study['seed']}, commit `{study['commit'][:12]}`, "
-        f"[all figures as JSON](data/{benchmark}/{name}.json)."
+        f"[CSV](data/{benchmark}/{name}.csv), [JSON](data/{benchmark}/{name}.json)."
     )
     return "\n\n".join(lines)
+
+
+def folded(title: str, blocks: Sequence[str]) -> str:
+    """Blocks of Markdown that a click opens."""
+    return "\n\n".join(['<details markdown="1">', f"<summary>{title}</summary>", *blocks, "</details>"])
+
+
+def tidy(study: Study) -> str:
+    """All tables of a study as one CSV: a line for each cell, an interval in three columns."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("table", "line", "row", "column", "value", "low", "high"))
+    for table in study["tables"]:
+        for number, row in enumerate(table["rows"], 1):
+            for column, value in zip(table["columns"][1:], row[1:], strict=True):
+                cells = (value["value"], value["low"], value["high"]) if isinstance(value, dict) else (value, "", "")
+                writer.writerow((table["title"], number, row[0], column, *cells))
+    return text.getvalue()
 
 
 def table_of(table: dict) -> Table:
@@ -114,7 +136,7 @@ def claims(text: str, studies: dict[str, Study]) -> str:
         claim, *where, limit = parts(line)
         found = cell(studies, *where)
         rows.append((claim, limit_text(limit), found, verdict(found, limit)))
-    return rows_markdown(("claim", "asked", "found", "verdict"), rows)
+    return rows_markdown(("claim", "required", "result", "verdict"), rows)
 
 
 def bounds(limit: str) -> tuple[float, float]:
@@ -152,11 +174,17 @@ def main(arguments: Sequence[str]) -> int:
     stale = []
     for folder in sorted(PAGES.glob("data/*")):
         studies, target = studies_of(folder.name), PAGES / f"{folder.name}.md"
-        text = page(folder.name, studies)
+        written = {target: page(folder.name, studies)}
+        written |= {folder / f"{name}.csv": tidy(study) for name, study in studies.items()}
         if check:
-            stale += [] if target.is_file() and target.read_text(encoding="utf-8") == text else [target.name]
+            stale += [
+                path.name
+                for path, text in written.items()
+                if not path.is_file() or path.read_text(encoding="utf-8") != text
+            ]
             continue
-        target.write_text(text, encoding="utf-8")
+        for path, text in written.items():
+            path.write_text(text, encoding="utf-8")
         draw(folder.name, studies)
     if stale:
         print(f"{', '.join(stale)}: not what the data give; run python docs/make_results.py", file=sys.stderr)

@@ -292,15 +292,15 @@ def test_network_is_refused_where_the_mean_is_not_earth_rate():
 
 
 def test_learned_beats_the_mean_on_the_reference_mix_and_says_so():
-    made = reference_set(runs=200)
+    made = reference_set(runs=100)
     sensor = Sensor("mix", TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR, turn_on_bias=0.1 * DEG_PER_HOUR))
     options = {"rate_hz": made.rate_hz, "latitude": made.latitude, "sensor": sensor}
     mean, learned = (heading_batch(made.gyro_b, method=method, **options) for method in ("mean", "learned"))
     errors = [np.sqrt(np.mean(angle_error(found.heading, made.heading) ** 2)) for found in (mean, learned)]
     assert errors[1] < 0.45 * errors[0]
     off = np.abs(angle_error(learned.heading, made.heading))
-    # 200 runs: 95 % is known to 1.5 %.
-    assert np.mean(off <= ((learned.high - learned.low) % (2 * np.pi)) / 2) > 0.90
+    # 100 runs: 95 % is known to 2.2 %.
+    assert np.mean(off <= ((learned.high - learned.low) % (2 * np.pi)) / 2) > 0.88
 
 
 def test_unknown_method_and_missing_accelerometer_are_refused():
@@ -422,16 +422,16 @@ def test_auto_is_not_deceived_by_a_long_recording_that_warms_up(kind, duration):
 
 @pytest.mark.slow
 def test_auto_covers_the_reference_mix_with_an_accelerometer():
-    """40 intervals of 90 %: 28 or fewer hold once in 500 times."""
+    """20 intervals of 90 %: 13 or fewer hold once in 400 times."""
     rng = np.random.default_rng(11)
-    true = rng.uniform(0, 2 * np.pi, 40)
+    true = rng.uniform(0, 2 * np.pi, 20)
     known = {"latitude": 0.56, "rate_hz": 10.0}
     gyro, accel = simulate_batch(
-        "isa100c", runs=40, heading=true, duration=100, rng=rng, motion=Motion(disturbance="mixed"), **known
+        "isa100c", runs=20, heading=true, duration=100, rng=rng, motion=Motion(disturbance="mixed"), **known
     )
     found = [heading(Recording(g, a, 10.0, latitude=0.56), sensor="isa100c") for g, a in zip(gyro, accel, strict=True)]
     off = np.abs(angle_error([one.heading for one in found], true))
-    assert np.mean(off < 1.96 * np.array([one.sigma for one in found])) > 0.72
+    assert np.mean(off < 1.96 * np.array([one.sigma for one in found])) > 0.66
 
 
 def test_a_slow_turn_between_two_poses_is_named_as_what_it_is():

@@ -34,6 +34,7 @@ def test_the_pages_are_what_their_data_give():
         "disturbed",
         "paper",
         "published",
+        "stress",
         "turned",
     ]
     assert script().main(["--check"]) == 0
@@ -92,7 +93,7 @@ def test_page_is_filled_from_the_files(results, tmp_path):
         "**does not hold**",
     ]
     assert "| learned | 0.326 (0.310 to 0.340) | 0.940 |\n\nn\n\nFloor (Cramér-Rao, white noise alone): 1.09" in text
-    assert "seed 3, commit `0123456789ab`, [all figures as JSON](data/paper/t_back.json)" in text
+    assert "seed 3, commit `0123456789ab`, [CSV](data/paper/t_back.csv), [JSON](data/paper/t_back.json)" in text
     assert (tmp_path / "results/paper-t_back.png").stat().st_size > 5000
     assert results.main(["--check"]) == 0
     (tmp_path / "results/paper.md").write_text(text.replace("0.326", "0.226", 1))

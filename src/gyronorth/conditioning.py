@@ -14,7 +14,7 @@ from math import erfc, exp, lgamma, log, log1p, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, mean_of_rows
 from gyronorth.errors import InputError
 from gyronorth.recording import Gap, Recording
 
@@ -61,7 +61,10 @@ def longest_hold(x: ArrayLike) -> tuple[int, int]:
     repeats = np.zeros(len(x) + 1, dtype=bool)  # whether a row is as the one before
     for start in range(1, len(x), BLOCK_SAMPLES):
         end = min(start + BLOCK_SAMPLES, len(x))
-        repeats[start:end] = (x[start:end] == x[start - 1 : end - 1]).all(axis=1)
+        equal = x[start:end, 0] == x[start - 1 : end - 1, 0]
+        if equal.any():
+            equal = (x[start:end] == x[start - 1 : end - 1]).all(axis=1)
+        repeats[start:end] = equal
     change = np.flatnonzero(repeats[1:] != repeats[:-1])
     if len(change) == 0:
         return 0, 1
@@ -85,7 +88,7 @@ def _whole_samples(n: int, rate_hz: float, to_hz: float) -> int:
 def _means_between(x: Array, edge: Array, ratio: float) -> Array:
     """Means of `x` (..., n, k) between edges (m,) that are `1 / ratio` samples apart, shape (..., m - 1, k)."""
     n = x.shape[-2]
-    centre = x.mean(axis=-2, keepdims=True)
+    centre = mean_of_rows(x)[..., None, :]
     left = np.minimum(edge.astype(int), n - 1)
     share = (edge - left)[:, None]
     at_edge = np.zeros((*x.shape[:-2], len(edge), x.shape[-1]))
@@ -160,7 +163,7 @@ def _gaps_at(recording: Recording, to_hz: float) -> tuple[Gap, ...]:
 def block_means(x: Array, size: int) -> Array:
     """Means of consecutive blocks of `size` samples along axis -2; a shorter tail is left out."""
     count = x.shape[-2] // size
-    return x[..., : count * size, :].reshape(*x.shape[:-2], count, size, x.shape[-1]).mean(axis=-2)
+    return mean_of_rows(x[..., : count * size, :].reshape(*x.shape[:-2], count, size, x.shape[-1]))
 
 
 @dataclass(frozen=True)
@@ -340,7 +343,7 @@ def _angles(gyro_b: Array, turn: Array, rate_hz: float) -> Iterator[tuple[Array,
 
 def _tilts(accel_b: Array, turn: Array) -> Iterator[tuple[Array, Array]]:
     """Roll and pitch from the levelled attitude by the accelerometer, rad, block by block."""
-    gravity = np.linalg.norm(accel_b.mean(axis=-2), axis=-1)[..., None, None]
+    gravity = np.linalg.norm(mean_of_rows(accel_b), axis=-1)[..., None, None]
     for time, part in _parts(accel_b):
         force = part @ turn
         # A small roll moves f_y by -g roll, a small pitch f_x by g pitch, in frd axes at rest.
@@ -351,7 +354,7 @@ def _line(blocks: Iterator[tuple[Array, Array]], count: int) -> tuple[Array, Arr
     """Mean and slope per sample, (..., 1, k), of the line through blocks of `count` samples in all."""
     total, moment, square = np.zeros(1), np.zeros(1), 0.0
     for time, x in blocks:
-        total = total + x.sum(axis=-2, keepdims=True)
+        total = total + np.einsum("...tk->...k", x)[..., None, :]
         moment = moment + time @ x
         square += float(time @ time)
     return total / count, np.expand_dims(moment, -2) / max(square, 1.0)
@@ -359,8 +362,13 @@ def _line(blocks: Iterator[tuple[Array, Array]], count: int) -> tuple[Array, Arr
 
 def _harmonics(time: Array, count: int) -> Array:
     """Rows of the cosine transform at `HARMONICS`, shape (harmonics, m), for times from the middle."""
-    phase = np.pi * np.outer(HARMONICS, time + count / 2) / count
-    return np.sqrt(2 / count) * np.cos(phase, out=phase)
+    cosine = np.cos(np.pi * (time + count / 2) / count)
+    rows = np.empty((HARMONICS[-1] + 1, len(time)))
+    rows[0], rows[1] = np.sqrt(2 / count), np.sqrt(2 / count) * cosine
+    for k in range(2, len(rows)):  # cos k a = 2 cos a cos (k - 1) a - cos (k - 2) a: one cosine for all of them
+        np.multiply(2 * cosine, rows[k - 1], out=rows[k])
+        rows[k] -= rows[k - 2]
+    return rows[HARMONICS]
 
 
 def slope_variance(residual: Array, *, duration: float) -> Array:

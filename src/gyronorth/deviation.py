@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.angles import angle_error, wrap_heading
-from gyronorth.deviation_document import SCHEMA, parse_deviation
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.files import write_text
@@ -142,6 +141,8 @@ class DeviationModel:
 
     def write(self, path: str | Path) -> None:
         """Write as JSON (schema gyronorth.deviation/1, radians), whole or not at all."""
+        from gyronorth.deviation_document import SCHEMA
+
         fields = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
         write_text(path, json.dumps({"schema": SCHEMA, **fields}) + "\n")
 
@@ -170,6 +171,8 @@ def deviation_of(content: bytes, *, where: str) -> DeviationModel:
     InputError
         If they are not such a deviation, or it gives no finite correction at its own recordings.
     """
+    from gyronorth.deviation_document import parse_deviation  # its models cost a tenth of all that a heading imports
+
     model = DeviationModel(**parse_deviation(content, where=where))
     try:
         with np.errstate(all="ignore"):

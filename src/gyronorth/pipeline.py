@@ -6,9 +6,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment import registry, verdict
 from gyronorth.alignment.problem import Problem
@@ -151,7 +152,8 @@ def heading_batch(
     ----------
     gyro_b, accel_b : array_like, shape (recordings, samples, 3)
         Angular rate, rad/s, and specific force, m/s^2; without the latter the unit is taken
-        as level.
+        as level. Of any kind of real number, and larger than the memory where they are `numpy.memmap`: some
+        recordings are worked at a time, and no more of them is read.
     rate_hz : float
         Sample rate, Hz.
     latitude : float
@@ -173,14 +175,18 @@ def heading_batch(
         If a value is not finite, there are no samples, the rate is not positive or the
         latitude out of range, the method is unknown or needs an accelerometer.
     """
-    gyro = np.asarray(gyro_b, dtype=float)
-    accel = None if accel_b is None else np.asarray(accel_b, dtype=float)
+    gyro = np.asarray(gyro_b)
+    accel = None if accel_b is None else np.asarray(accel_b)
     if gyro.ndim != 3 or gyro.shape[-1] != 3 or (accel is not None and accel.shape != gyro.shape):
         raise ValueError(
             f"gyro_b has shape {gyro.shape}, accel_b {None if accel is None else accel.shape}; "
             "(recordings, samples, 3) is expected of both."
         )
-    _check_batch({"gyro_b": gyro} if accel is None else {"gyro_b": gyro, "accel_b": accel}, rate_hz)
+    if not 0 < rate_hz < np.inf:
+        raise InputError(f"The rate is {rate_hz:g} Hz; a positive number is expected.")
+    for name, array in (("gyro_b", gyro), ("accel_b", accel)):
+        if array is not None and array.size == 0:
+            raise InputError(f"{name} has shape {array.shape}; at least one recording with samples is expected.")
     _check_latitude(latitude)
     options = _options(model, None, None)
     _check_session(method, options)
@@ -188,8 +194,9 @@ def heading_batch(
     group = max(1, GROUP_SAMPLES // gyro.shape[1])
     pieces: list[HeadingBatch] = []
     for start in range(0, len(gyro), group):
-        part = slice(start, start + group)
-        problem = Problem(gyro[part], None if accel is None else accel[part], rate_hz, latitude, profile)
+        rate = _finite("gyro_b", gyro, start, group)
+        force = None if accel is None else _finite("accel_b", accel, start, group)
+        problem = Problem(rate, force, rate_hz, latitude, profile)
         pieces.append(verdict.batch(problem, registry.solve_batch(method, problem, options)))
     return HeadingBatch(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in vars(pieces[0])))
 
@@ -296,15 +303,13 @@ def _check_latitude(latitude: float) -> None:
         )
 
 
-def _check_batch(arrays: dict[str, Array], rate_hz: float) -> None:
-    if not 0 < rate_hz < np.inf:
-        raise InputError(f"The rate is {rate_hz:g} Hz; a positive number is expected.")
-    for name, array in arrays.items():
-        if array.size == 0:
-            raise InputError(f"{name} has shape {array.shape}; at least one recording with samples is expected.")
-        if not np.isfinite(array).all():
-            run, sample, axis = np.argwhere(~np.isfinite(array))[0]
-            raise InputError(
-                f"{name}[{run}, {sample}, {axis}] is {array[run, sample, axis]}; finite numbers are expected. "
-                "Leave that recording out, or repair it."
-            )
+def _finite(name: str, array: NDArray[Any], start: int, count: int) -> Array:
+    """Some recordings of a batch as doubles."""
+    part = np.asarray(array[start : start + count], dtype=float)
+    if not np.isfinite(part).all():
+        run, sample, axis = np.argwhere(~np.isfinite(part))[0]
+        raise InputError(
+            f"{name}[{start + run}, {sample}, {axis}] is {part[run, sample, axis]}; finite numbers are expected. "
+            "Leave that recording out, or repair it."
+        )
+    return part

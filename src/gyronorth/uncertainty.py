@@ -71,8 +71,7 @@ def horizontal_rate_variance(
     latitude, duration = np.broadcast_arrays(np.asarray(latitude, dtype=float), np.asarray(duration, dtype=float))
     gravity = normal_gravity(latitude)
     gyro = rate_variance(sensor.gyro, duration, weighting="mean" if method == "mean" else "slope")
-    level = rate_variance(sensor.accel, duration)
-    tilt = (level["noise"] + level["drift"] + level["turn_on_bias"]) / gravity**2
+    tilt = tilt_variance(sensor, latitude=latitude, duration=duration)
     constant = (sensor.g_sensitivity * gravity) ** 2 + (
         sensor.gyro.scale_factor**2 + sensor.gyro.misalignment**2
     ) * EARTH_RATE**2
@@ -80,13 +79,20 @@ def horizontal_rate_variance(
         "noise": gyro["noise"],
         "drift": gyro["drift"],
         "turn_on_bias": gyro["turn_on_bias"] + constant,
-        "levelling": (tilt + sensor.accel.misalignment**2) * (EARTH_RATE * np.sin(latitude)) ** 2,
+        "levelling": tilt * (EARTH_RATE * np.sin(latitude)) ** 2,
     }
     if method == "inertial":
         slope = rate_variance(sensor.accel, duration, weighting="ramp")
         parts["noise"] = parts["noise"] + slope["noise"] / gravity**2
         parts["drift"] = parts["drift"] + slope["drift"] / gravity**2
     return parts
+
+
+def tilt_variance(sensor: Sensor, *, latitude: ArrayLike, duration: ArrayLike) -> Array:
+    """Variance of the direction of gravity in the body, about each of two axes, rad^2."""
+    level = rate_variance(sensor.accel, np.asarray(duration, dtype=float))
+    noise = level["noise"] + level["drift"] + level["turn_on_bias"]
+    return np.asarray(noise / normal_gravity(latitude) ** 2 + sensor.accel.misalignment**2)
 
 
 def heading_sigma_parts(
@@ -128,17 +134,23 @@ def von_mises(concentration: ArrayLike) -> tuple[Array, Array]:
     For kappa -> inf sigma is 1 / sqrt(kappa); for kappa -> 0 it is pi / sqrt(3).
     """
     kappa = np.asarray(concentration, dtype=float)
-    grid, rms, half = _von_mises_table()
+    grid = np.geomspace(1e-4, 1e6, 300)
     # The table holds sigma sqrt(kappa) and half-width sqrt(kappa), smooth in ln kappa.
     held = np.clip(kappa, grid[0], grid[-1])
-    at, knots = np.log(held), np.log(grid)
+    first, last = 0, len(grid)
+    if kappa.size == 1 and np.isfinite(kappa).all():  # a heading alone needs two rows of it
+        first = min(max(int(np.searchsorted(grid, held.item(), side="right")) - 1, 0), len(grid) - 2)
+        last = first + 2
+    at, knots = np.log(held), np.log(grid[first:last])
+    rms, half = _von_mises_rows(first, last)
     scale = 1 / np.sqrt(np.where(kappa > grid[-1], kappa, held))
     return np.interp(at, knots, rms) * scale, np.interp(at, knots, half) * scale
 
 
-@lru_cache
-def _von_mises_table() -> tuple[Array, Array, Array]:
-    grid = np.geomspace(1e-4, 1e6, 300)
+@lru_cache(maxsize=64)
+def _von_mises_rows(first: int, last: int) -> tuple[Array, Array]:
+    """Rows of the table of `von_mises`."""
+    grid = np.geomspace(1e-4, 1e6, 300)[first:last]
     # Quadrature over the part of the circle that holds the mass, mirror symmetric.
     limit = np.minimum(np.pi, 9 / np.sqrt(grid))[:, None]
     angle = limit * (np.arange(1500) + 0.5) / 1500
@@ -148,4 +160,4 @@ def _von_mises_table() -> tuple[Array, Array, Array]:
     cumulative = np.cumsum(weight, axis=1)
     step = limit[:, 0] / 1500
     half = np.array([np.interp(0.95, c, a) for c, a in zip(cumulative, angle, strict=True)]) + step / 2
-    return grid, rms * np.sqrt(grid), half * np.sqrt(grid)
+    return rms * np.sqrt(grid), half * np.sqrt(grid)

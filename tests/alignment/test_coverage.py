@@ -39,36 +39,36 @@ def rms(error):
     return np.sqrt(np.mean(error**2))
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize("runs", [4000, pytest.param(20_000, marks=pytest.mark.long)])
 @pytest.mark.parametrize("latitude_deg", [32.11, -60.0])
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0, 0), (20, -35)])
-def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg):
+def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg, runs):
     latitude = np.radians(latitude_deg)
     truth, gyro, accel = simulated(
-        WHITE, 20_000, seed=1, latitude=latitude, roll=np.radians(roll_deg), pitch=np.radians(pitch_deg)
+        WHITE, runs, seed=1, latitude=latitude, roll=np.radians(roll_deg), pitch=np.radians(pitch_deg)
     )
     batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=latitude, sensor=WHITE)
     floor = cramer_rao_floor(WHITE, latitude=latitude, duration=DURATION)
-    # 20,000 runs: the root mean square is known to 0.5 %.
-    assert_allclose(rms(angle_error(batch.heading, truth)) / floor, 1, atol=0.02)
+    # The root mean square is known to 1 / sqrt(2 runs): 0.5 % of 20,000; coverage to 0.15 %.
+    assert_allclose(rms(angle_error(batch.heading, truth)) / floor, 1, atol=max(0.02, 3.3 / np.sqrt(2 * runs)))
     assert_allclose(rms(batch.sigma) / floor, 1, atol=0.02)
-    assert 0.945 < covered(batch, truth) < 0.955
+    assert abs(covered(batch, truth) - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / runs)
     assert np.mean(~batch.valid) <= 0.01
 
 
 @pytest.mark.parametrize(
     ("method", "count"),
     [
-        ("mean", 5000),
-        ("auto", 200),
-        pytest.param("auto", 5000, marks=pytest.mark.long),
-        pytest.param("inertial", 5000, marks=pytest.mark.slow),
+        ("mean", 1000),
+        ("auto", 100),
+        ("inertial", 1000),
+        *(pytest.param(method, 5000, marks=pytest.mark.long) for method in ("mean", "auto", "inertial")),
     ],
 )
 def test_sdc500_interval_covers_and_refuses_few(method, count):
     truth, gyro, accel = simulated("sdc500", count, seed=2)
     batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor="sdc500", method=method)
-    # 95 % of 200 runs is known to 1.5 %, of 5000 to 0.3 %.
+    # 95 % of 100 runs is known to 2.2 %, of 5000 to 0.3 %.
     assert abs(covered(batch, truth) - 0.95) <= max(0.02, 3.3 * np.sqrt(0.95 * 0.05 / count))
     assert np.mean(~batch.valid) <= 0.01
     # chi-square, 99.9 %: within 3.3 % over 5000 runs; sigma is conditional on the norm, hence a little more.
@@ -78,13 +78,15 @@ def test_sdc500_interval_covers_and_refuses_few(method, count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("runs", [100, pytest.param(3000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("runs", [20, pytest.param(3000, marks=pytest.mark.long)])
 def test_auto_costs_nothing_on_quiet_recordings(runs):
     truth, gyro, accel = simulated("sdc500", runs, seed=3)
     for sensor in ("sdc500", None):
         options = {"rate_hz": RATE_HZ, "latitude": LATITUDE, "sensor": sensor}
         auto, mean = (heading_batch(gyro, accel, method=method, **options) for method in ("auto", "mean"))
-        assert rms(angle_error(auto.heading, truth)) <= 1.08 * rms(angle_error(mean.heading, truth))
+        squares = [angle_error(batch.heading, truth) ** 2 for batch in (auto, mean)]
+        chance = 3.3 * np.std(squares[0] - squares[1]) / np.sqrt(runs)
+        assert np.mean(squares[0]) <= 1.08**2 * np.mean(squares[1]) + (chance if runs < 3000 else 0.0)
 
 
 @pytest.mark.parametrize("method", ["mean", pytest.param("auto", marks=pytest.mark.long)])
@@ -111,9 +113,9 @@ def test_interval_without_a_profile_covers(bias_deg_h):
 
 
 def sways():
-    """Each sensor and amplitude over 600 runs; the largest, where the methods differ, over 60 in every `make test`."""
+    """Each sensor and amplitude over 600 runs; the largest, where the methods differ, over 20 in every `make test`."""
     for name in ("sdc500", "hg9900"):
-        yield pytest.param(name, 300, 60, id=f"{name}-300-60")
+        yield pytest.param(name, 300, 20, id=f"{name}-300-20")
         for arcsec in (5, 30, 300):
             yield pytest.param(name, arcsec, 600, id=f"{name}-{arcsec}-600", marks=pytest.mark.long)
 
@@ -131,7 +133,7 @@ def test_sway_is_in_sigma(name, arcsec, count):
     for method in ("mean", "auto"):
         batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor=name, method=method)
         errors[method] = rms(angle_error(batch.heading, truth))
-        # 95 % of 600 runs is known to 0.9 %, of 60 to 2.8 %; sway is no Gaussian, and tilts as seen are not exact.
+        # 95 % of 600 runs is known to 0.9 %, of 20 to 4.9 %; sway is no Gaussian, and tilts as seen are not exact.
         assert covered(batch, truth) > 0.95 - 4.5 * np.sqrt(0.95 * 0.05 / count)
         assert np.mean(~batch.valid) <= max(0.015, 3 / count)
     assert errors["auto"] < 1.06 * errors["mean"]

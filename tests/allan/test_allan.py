@@ -355,7 +355,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(white, flicker, random_wa
         assert np.mean((low <= truth) & (truth <= high)) >= at_least(0.95, 150), field
 
 
-@pytest.mark.slow
+@pytest.mark.long  # its small form stands above
 @pytest.mark.parametrize(("b_deg_h", "b_within"), [(1.0, 0.10), (0.3, 0.30), (0.1, None)])
 def test_one_hour_identifies_what_the_issue_asks(b_deg_h, b_within):
     # One hour at 100 Hz, 50 axes, N = 0.02 deg/sqrt(h).

@@ -11,6 +11,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -35,8 +36,13 @@ class Target:
 
     name: str
     kind: str  # json, text or binary
-    honest: bytes
+    make: Callable[[], bytes]  # the honest example
     take: Callable[[bytes], HeadingEstimate | None]
+
+    @cached_property
+    def honest(self) -> bytes:
+        """Made when it is first asked for: what needs a large library is made last, after all that fork."""
+        return self.make()
 
 
 def judge(target: Target, content: bytes) -> str:
@@ -112,34 +118,33 @@ def _formats(recording: Recording, folder: Path) -> Iterator[Target]:
         path = folder / f"honest{suffix}"
         gyronorth.write(recording, path)
         kind = "text" if suffix == ".csv" else "binary"
-        yield Target(suffix[1:], kind, path.read_bytes(), _file(folder, f"mutated{suffix}", heading))
+        yield Target(suffix[1:], kind, path.read_bytes, _file(folder, f"mutated{suffix}", heading))
     from scipy.io import savemat
 
     for compressed in (False, True):
         savemat(folder / "honest.mat", {"imu": recording.gyro_b}, do_compression=compressed)
-        content = (folder / "honest.mat").read_bytes()
+        content = partial(bytes, (folder / "honest.mat").read_bytes())
         yield Target("mat-packed" if compressed else "mat", "binary", content, _file(folder, "mutated.mat", heading))
 
 
 def _frames(folder: Path) -> Iterator[Target]:
     from frames.encoders import novatel, stim
 
-    for name, case in (("stim", stim(400)), ("novatel", novatel(300))):
+    for name, case in (("stim", stim(150)), ("novatel", novatel(100))):
 
         def heading(path: Path) -> HeadingEstimate:
             found = gyronorth.read(path, format="frames")
             return gyronorth.heading(found, latitude=LATITUDE, method="mean")
 
-        yield Target(
-            f"frames-{name}", "binary", case.preamble + b"".join(case.frames), _file(folder, f"{name}.bin", heading)
-        )
+        content = partial(bytes, case.preamble + b"".join(case.frames))
+        yield Target(f"frames-{name}", "binary", content, _file(folder, f"{name}.bin", heading))
 
 
 def _profile(recording: Recording, folder: Path) -> Target:
     path = folder / "profile-honest.json"
     gyronorth.write_sensor(gyronorth.read_sensor("stim300"), path)
     take = _file(folder, "profile.json", lambda file: gyronorth.heading(recording, sensor=str(file), method="mean"))
-    return Target("profile", "json", path.read_bytes(), take)
+    return Target("profile", "json", path.read_bytes, take)
 
 
 def _deviation(recording: Recording, folder: Path) -> Target:
@@ -152,7 +157,7 @@ def _deviation(recording: Recording, folder: Path) -> Target:
     def use(file: Path) -> HeadingEstimate:
         return gyronorth.heading(recording, method="mean", deviation=gyronorth.read_deviation(file))
 
-    return Target("deviation", "json", path.read_bytes(), _file(folder, "deviation.json", use))
+    return Target("deviation", "json", path.read_bytes, _file(folder, "deviation.json", use))
 
 
 def _bundles(recording: Recording, folder: Path) -> Iterator[Target]:
@@ -178,8 +183,8 @@ def _bundles(recording: Recording, folder: Path) -> Iterator[Target]:
         network.write_bytes(content)
         return heading()
 
-    yield Target("bundle", "json", honest[description], described)
-    yield Target("network", "binary", honest[network], run)
+    yield Target("bundle", "json", lambda: honest[description], described)
+    yield Target("network", "binary", lambda: honest[network], run)
 
 
 def _lines() -> Target:
@@ -191,25 +196,38 @@ def _lines() -> Target:
         reader.end()
 
     rows = "".join(f"{k / 10:.1f},1e-5,-2e-5,-3e-5,0.01,0.02,-9.8\n" for k in range(200))
-    return Target("lines", "text", f"# rate_hz: 10\nt,w_x,w_y,w_z,f_x,f_y,f_z\n{rows}".encode(), take)
+    return Target("lines", "text", f"# rate_hz: 10\nt,w_x,w_y,w_z,f_x,f_y,f_z\n{rows}".encode, take)
 
 
 def _settings(folder: Path) -> Target:
-    from gyronorth.learn.settings import paper, read_settings, write_settings
-
     path = folder / "settings-honest.yaml"
-    write_settings(paper(), path)
-    return Target(
-        "settings", "text", path.read_bytes(), _file(folder, "settings.yaml", lambda p: read_settings(p) and None)
-    )
+
+    def honest() -> bytes:
+        from gyronorth.learn.settings import paper, write_settings
+
+        write_settings(paper(), path)
+        return path.read_bytes()
+
+    def use(file: Path) -> None:
+        from gyronorth.learn.settings import read_settings
+
+        read_settings(file)
+
+    return Target("settings", "text", honest, _file(folder, "settings.yaml", use))
 
 
 def _checkpoint(folder: Path) -> Target:
-    import torch
-
-    from gyronorth.learn.training import read_checkpoint
-
     path = folder / "honest.pt"
-    torch.save({"fingerprint": "f", "weights": {"w": torch.zeros(4, 4)}, "epoch": 1}, path)
-    take = _file(folder, "mutated.pt", lambda p: read_checkpoint(p, "f") and None)
-    return Target("checkpoint", "binary", path.read_bytes(), take)
+
+    def honest() -> bytes:
+        import torch
+
+        torch.save({"fingerprint": "f", "weights": {"w": torch.zeros(4, 4)}, "epoch": 1}, path)
+        return path.read_bytes()
+
+    def use(file: Path) -> None:
+        from gyronorth.learn.training import read_checkpoint
+
+        read_checkpoint(file, "f")
+
+    return Target("checkpoint", "binary", honest, _file(folder, "mutated.pt", use))

@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from errno import ENOSPC
 from math import inf, pi, radians
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from live_stream import HEAD, Played, seconds, session_of, timed_rows
 from pynmeagps import NMEAReader
+from still import rows_of, still
 
 from gyronorth.findings import Finding
 from gyronorth.live import estimation
-from gyronorth.live.events import Connected, Lost
+from gyronorth.live.estimation import Estimation
+from gyronorth.live.events import Bytes, Connected, Ended, Lost
 from gyronorth.live.nmea_out import status_sentences
-from gyronorth.live.session import LiveSettings, Session
+from gyronorth.live.recorder import Recorder
+from gyronorth.live.session import Command, LiveSettings, Session
 from gyronorth.live.status import Status
 from gyronorth.live.wording import verdict, verdict_short
 from gyronorth.readers import ReadOptions
@@ -87,56 +95,129 @@ def test_all_outputs_agree(running, state, found, unattended, sigma, limit, reas
     assert check_one_verdict(status) is (expected and (limit is None or sigma <= limit))
 
 
-EVENTS = st.lists(
-    st.sampled_from(["rows", "rows", "rows", "garbage", "lost", "jump", "stop", "start", "mark", "pause"]), max_size=12
-)
+#: Rows of each stretch of an event, in so many s at this rate: the outputs do not know how many there are.
+SLOW_HZ, LASTS = 5.0, 15.0
+KINDS = "rows rows rows turn garbage lost jump stall freeze stop start mark disk crash end"
+EVENTS = st.lists(st.sampled_from(KINDS.split()), max_size=12)
 
 
-@settings(deadline=None, max_examples=15)
+class AtOnce(Estimation):
+    """Estimates in the thread that hands over the samples, with each piece of them."""
+
+    def put(self, gyro_b, accel_b):
+        if self._present is not None:
+            self._add(self._present, [(gyro_b, accel_b)])
+            self._estimate(self._present)
+
+    def flush(self):
+        """Nothing waits."""
+
+    end = flush
+
+
+class Scripted(Session):
+    """A session that runs in the thread of its test, event by event; `ahead` is how far its clock was set forward."""
+
+    def __init__(self, events: list[str], save: Path) -> None:
+        super().__init__(Played(), LiveSettings(ReadOptions(), method="mean", save=save))
+        self._estimation = AtOnce(self._estimated)
+        self._script = iter(["begin", *events])
+        self._at = 0.0
+        self.ahead = 0.0
+        self.seen: list[bool] = []
+
+    def look(self) -> bool:
+        self.seen.append(check_one_verdict(self.status))
+        return self.seen[-1]
+
+    def _waiting(self, *, timeout: float = 0.1) -> list:
+        """The next event; before it, all outputs are looked at as they are after the last."""
+        self.look()
+        match next(self._script, None):
+            case "begin":
+                return [Connected(), Bytes(HEAD.encode())]
+            case "rows" | "turn" as event:
+                times = self._at + np.arange(round(LASTS * SLOW_HZ)) / SLOW_HZ
+                self._at += LASTS
+                gyro, accel = still(len(times))
+                gyro[:, 2] += 0.2 * (event == "turn")
+                return [Bytes("".join(rows_of([times, gyro, accel])).encode())]
+            case "garbage":
+                return [Bytes(b"#!\0\n$GPGGA,1\n")]
+            case "lost":
+                return [Lost("gone"), Connected()]
+            case "jump":
+                self._at += 5000.0
+            case "stall":  # nothing comes, and the session sees it
+                self.ahead += 2.5
+            case "freeze":  # the session itself does not look
+                self.ahead += 4.0
+                assert not self.look()
+            case "disk":
+                assert self._recorder is not None
+                self._recorder._fail(OSError(ENOSPC, "No space left on device"))
+            case "crash":
+                self._recorder = CrashingRecorder()
+            case "end":
+                return [Ended()]
+            case None:
+                self._stop.set()
+            case command:
+                return [Command(command)]
+        return []
+
+
+class CrashingRecorder(Recorder):
+    """A recorder with a fault of its own."""
+
+    def __init__(self) -> None:
+        super().__init__(Path("nowhere.csv"))
+
+    def rows(self, rows):
+        raise ZeroDivisionError("a fault")
+
+    def _open(self):
+        """No file."""
+
+
+@pytest.fixture
+def run_sequence(monkeypatch, tmp_path) -> Callable[[list[str]], list[bool]]:
+    """Whether the heading was valid after each event and after the session."""
+
+    def run(events: list[str]) -> list[bool]:
+        session = Scripted(events, tmp_path / "north.csv")
+        clock = SimpleNamespace(monotonic=lambda: time.monotonic() + session.ahead)
+        monkeypatch.setattr("gyronorth.live.session.time", clock)
+        monkeypatch.setattr("gyronorth.live.session.BATCH", 0.0)
+        session._run()
+        assert not session.look()
+        for path in tmp_path.iterdir():
+            path.unlink()
+        return session.seen
+
+    return run
+
+
+@settings(deadline=None, max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(events=EVENTS)
-def test_after_any_sequence_of_events_all_outputs_agree(events):
-    check_sequence(events)
+@example(["rows"] * 3 + ["turn", "rows", "rows", "stall", "rows", "end", "rows", "start", "rows"])
+def test_after_any_sequence_of_events_all_outputs_agree(run_sequence, events):
+    run_sequence(events)
 
 
 @pytest.mark.long
-@settings(deadline=None, max_examples=10_000)
+@settings(deadline=None, max_examples=10_000, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(events=EVENTS)
-def test_after_ten_thousand_sequences_of_events_all_outputs_agree(events):
-    check_sequence(events)
+def test_after_ten_thousand_sequences_of_events_all_outputs_agree(run_sequence, events):
+    run_sequence(events)
 
 
-def check_sequence(events: list[str]) -> None:
-    """A look after each event, one at the end of the source, and one after the session."""
-    seen: list[bool] = []
-    at, shift = 0, 0.0
-
-    def look() -> None:
-        seen.append(check_one_verdict(session.status))
-
-    played: list = [HEAD]
-    for event in events:
-        match event:
-            case "rows":
-                part = ROWS[at : at + 1000] if not shift else timed_rows(seconds(0, 10) + at / 100 + shift)
-                played.append(part)
-                at += 1000
-            case "jump":
-                shift += 5000.0
-            case "garbage":
-                played.append("#!\0\n$GPGGA,1\n")
-            case "lost":
-                played += [Lost("gone"), Connected()]
-            case "pause":
-                played.append(0.05)
-            case command:
-                played.append(lambda command=command: session.command(command))
-        played.append(look)
-    session = Session(Played(*played), LiveSettings(ReadOptions()))
-    session.start()
-    assert session.ended.wait(90)
-    assert not check_one_verdict(session.status)
-    session.close()
-    assert not check_one_verdict(session.status)
+@pytest.mark.parametrize("last", ["end", "stop", "crash", "stall", "freeze"])
+def test_a_valid_heading_does_not_outlive_what_happens(run_sequence, last):
+    # begin, three stretches, the event, and another look where the clock stood still
+    seen = run_sequence(["rows", "rows", "rows", last, "rows" if last == "crash" else "mark"])
+    assert seen[4]
+    assert not seen[5 + (last == "crash")]
 
 
 def test_an_estimator_that_fails_makes_the_heading_invalid(monkeypatch):

@@ -48,16 +48,16 @@ def test_mean_on_a_swaying_vehicle(lasergyro, window, most, widest):
         assert abs(np.degrees(estimate.implied_latitude) - 34.246048) <= 0.6
 
 
-def test_short_windows_at_3_hz(lasergyro):
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
+def test_short_windows_at_3_hz(lasergyro, every):
     slow = decimated(lasergyro, 3.0)
-    estimates = [heading(slow.window(start, start + 100)) for start in range(0, 1800, 100)]
+    estimates = [heading(slow.window(start, start + 100)) for start in range(0, 1800, 100 * every)]
     errors = np.array([error(estimate) for estimate in estimates])
     sigmas = np.degrees([estimate.sigma for estimate in estimates])
-    assert len(errors) == 18
     assert np.sqrt(np.mean(errors**2)) <= 0.30
-    assert np.sum(np.abs(errors) <= [half_width(estimate) for estimate in estimates]) >= 17
-    # Without a profile a bias of a few times what shows cannot be ruled out.
-    assert np.sqrt(np.mean(sigmas**2)) <= 6 * np.sqrt(np.mean(errors**2))
+    assert np.sum(np.abs(errors) <= [half_width(estimate) for estimate in estimates]) >= len(errors) - 1
+    # Without a profile a bias of a few times what shows cannot be ruled out: up to six times the error of all windows.
+    assert np.sqrt(np.mean(sigmas**2)) <= 1.5
 
 
 def test_stim300_with_200_deg_per_hour_of_bias_is_refused(real_data):

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from gyronorth.alignment.result import Attitude
 from gyronorth.angles import wrap_heading
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, mean_of_rows
 from gyronorth.attitude import level, mat_lb
 
 
@@ -49,12 +49,12 @@ def align_mean(gyro_b: Array, accel_b: Array | None, *, attitude: tuple[float, f
     attitude : tuple of float, optional
         Known roll and pitch, rad, in place of levelling.
     """
-    rate_b = gyro_b.mean(axis=-2)
+    rate_b = mean_of_rows(gyro_b)
     if attitude is not None:
         roll, pitch = (np.full(rate_b.shape[:-1], angle) for angle in attitude)
     elif accel_b is None:
         roll = pitch = np.zeros(rate_b.shape[:-1])
     else:
-        roll, pitch = level(accel_b.mean(axis=-2))
+        roll, pitch = level(mean_of_rows(accel_b))
     rate_l = np.einsum("...ij,...j->...i", mat_lb(roll, pitch), rate_b)
     return Attitude(gyrocompass(rate_b, roll=roll, pitch=pitch), roll, pitch, rate_l)

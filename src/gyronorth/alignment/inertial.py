@@ -11,7 +11,7 @@ import numpy as np
 
 from gyronorth.alignment.result import Attitude
 from gyronorth.angles import circular_mean
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, mean_of_rows
 from gyronorth.attitude import attitude_path, conjugate, from_rotation_vector, rotate
 from gyronorth.conditioning import HARMONICS, block_means, slope_variance
 from gyronorth.earth import EARTH_RATE, earth_rate_n
@@ -100,6 +100,6 @@ def _mean_attitude(mat: Array, middle: Array, latitude: float, rate_hz: float) -
 
 def _vertical_rate(gyro_b: Array, accel_b: Array) -> Array:
     """Mean rate about the mean direction of gravity, positive about down, rad/s."""
-    down = -accel_b.mean(axis=-2)
+    down = -mean_of_rows(accel_b)
     down = down / np.linalg.norm(down, axis=-1, keepdims=True)
-    return np.sum(gyro_b.mean(axis=-2) * down, axis=-1)
+    return np.sum(mean_of_rows(gyro_b) * down, axis=-1)

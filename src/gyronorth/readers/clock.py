@@ -13,6 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.arrays import median
+
+#: Intervals from one stamp to the next beyond which it is absurd: no recording has so many samples.
+ABSURD = 1e12
 #: Stamps may be late for so long, s, and for so many rows, before a loss is believed.
 LONGEST_LATE = 2.0
 FEWEST_ROWS = 20
@@ -74,7 +78,9 @@ class Envelope:
         if self._origin is None and len(time):
             self._origin = float(time[0])
         number = self._rows + len(self._waiting)
-        stray = (time - (self._origin or 0.0)) / self.interval - np.arange(number, number + len(time))
+        with np.errstate(over="ignore"):
+            stray = np.minimum((time - (self._origin or 0.0)) / self.interval, 1e3 * ABSURD)
+        stray = stray - np.arange(number, number + len(time))
         stray = np.concatenate([self._waiting, stray])
         rows = len(stray)
         if rows > 1 and not last and stray[-1] < stray[-2] - MOVE:
@@ -116,8 +122,7 @@ class Envelope:
         # The envelope before the group that each move belongs to, and the whole samples by which it has moved since.
         group = np.cumsum(begins)
         bases = np.concatenate([[base], floor[moved[begins]]])
-        # Absurd stamps are bounded: no recording has so many samples.
-        moves = np.rint(np.clip(np.nan_to_num(floor[moved + 1] - bases[group]), -1e12, 1e12)).astype(np.int64)
+        moves = np.rint(np.clip(np.nan_to_num(floor[moved + 1] - bases[group]), -ABSURD, ABSURD)).astype(np.int64)
         ends = np.append(begins[1:], True)
         nets = np.zeros(len(bases), dtype=np.int64)
         nets[group[ends]] = moves[ends]
@@ -161,7 +166,8 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     positive = step[step > 0]
     if len(positive) == 0:
         return None
-    middle = float(np.median(positive))
+    middle = float(median(positive))
+    step = step[step <= ABSURD * middle]
     usual = np.abs(step - middle) <= USUAL * middle
     common = None
     if usual.mean() >= LEAST_USUAL:
@@ -210,9 +216,9 @@ def _in_phase(step: NDArray[np.float64], interval: float) -> tuple[float, bool]:
         if len(time) > 2 * lag:
             beyond = (time[lag:] - time[:-lag]) / interval
             beyond -= np.rint(beyond)
-            if np.median(np.abs(beyond)) > CLEAR:
+            if median(np.abs(beyond)) > CLEAR:
                 return interval, False
-            interval *= 1 + float(np.median(beyond)) / lag
+            interval *= 1 + float(median(beyond)) / lag
     return interval, True
 
 
@@ -221,10 +227,10 @@ def _of_bursts(step: NDArray[np.float64]) -> float:
     begins = np.flatnonzero(step > 0.5 * np.quantile(step[step > 0], 0.95))
     if len(begins) < 3:
         return float(step.mean())
-    rows, middle = np.diff(begins), np.median(np.diff(begins))
+    rows, middle = np.diff(begins), median(np.diff(begins))
     periods = np.diff(np.cumsum(step)[begins])
     usual = rows[np.abs(rows - middle) <= USUAL * middle]
-    return float(np.median(periods) / (usual.mean() if len(usual) else middle))
+    return float(median(periods) / (usual.mean() if len(usual) else middle))
 
 
 def _straight(step: NDArray[np.float64], unit: float | None) -> float | None:
@@ -243,7 +249,7 @@ def _on_line(time: NDArray[np.float64], interval: float, lost: NDArray[np.float6
         return float(time[-1] / (len(time) - 1 + lost[-1])) if len(time) > 1 else interval
     number = np.arange(len(time)) + lost
     stray = interval * _without_early(time / interval - number, None)
-    slope = (np.median(stray[-third:]) - np.median(stray[:third])) / (number[-third:].mean() - number[:third].mean())
+    slope = (median(stray[-third:]) - median(stray[:third])) / (number[-third:].mean() - number[:third].mean())
     return interval + float(slope)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.arrays import median
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 
@@ -97,7 +98,7 @@ def gyro_fits(values: NDArray[np.float64], rate_hz: float | None, *, increments:
 
 def norm_of_parts(values: NDArray[np.float64]) -> float:
     """Median of the norms of the means of parts: a unit that is turned over and over feels gravity in each."""
-    return float(np.median(np.linalg.norm(_parts(values), axis=1)))
+    return float(median(np.linalg.norm(_parts(values), axis=1)))
 
 
 def earth_words(size: float) -> str:
@@ -115,14 +116,14 @@ def _mean(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Median of the means of parts, shape (3,), and its standard error, of the norm."""
     means = _parts(values)
     error = 1.253 * means.std(axis=0, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.full(3, np.inf)
-    return np.median(means, axis=0), float(np.linalg.norm(error))
+    return median(means, axis=0), float(np.linalg.norm(error))
 
 
 def _noise(values: NDArray[np.float64]) -> float:
     """Standard deviation of the white noise, by the differences of neighbours."""
     if len(values) < 2:
         return 0.0
-    return float(np.median(np.median(np.abs(np.diff(values, axis=0)), axis=0))) / (0.6745 * np.sqrt(2))
+    return float(median(median(np.abs(np.diff(values, axis=0)), axis=0))) / (0.6745 * np.sqrt(2))
 
 
 def is_whole(values: NDArray[np.float64]) -> bool:

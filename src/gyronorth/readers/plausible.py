@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.arrays import median
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import about_vertical, convention, mat_bf
@@ -291,13 +292,13 @@ def _robust_mean(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDA
     means = samples[: parts * size].reshape(parts, size, 3).mean(axis=1)
     # 1.253 = sqrt(pi / 2): the standard error of a median over that of a mean, for Gaussian parts.
     error = 1.253 * means.std(axis=0, ddof=1) / np.sqrt(parts) if parts > 1 else np.full(3, np.inf)
-    return np.median(means, axis=0), error
+    return median(means, axis=0), error
 
 
 def _white_noise(gyro: NDArray[np.float64], rate_hz: float) -> float:
     """Angle random walk, rad/sqrt(s), from first differences: their median size ignores a drive."""
     if len(gyro) < 2:
         return 0.0
-    size = np.median(np.abs(np.diff(gyro, axis=0)), axis=0)
+    size = np.array([median(np.abs(np.diff(axis))) for axis in gyro.T])  # one at a time: of the recording's size
     # A Gaussian difference of standard deviation s sqrt(2) has a median size of 0.6745 s sqrt(2).
-    return float(np.median(size)) / (0.6745 * np.sqrt(2)) / np.sqrt(rate_hz)
+    return float(median(size)) / (0.6745 * np.sqrt(2)) / np.sqrt(rate_hz)

@@ -1,14 +1,14 @@
 """Numbers from text files: the leading lines one by one, then blocks of rows at a time.
 
-A block of regular rows is parsed in one call; only a block that fails is taken apart row by
-row, to say which row is bad and why.
+A block of regular rows is parsed in one call, by pyarrow where that is installed; only a block that fails is taken
+apart row by row, to say which row is bad and why.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
-from gyronorth.readers.times import TimeText
+from gyronorth.readers.text_arrow import arrow_columns, is_worthwhile
+from gyronorth.readers.times import ClockColumns
 
 #: Bytes read at a time: about 15,000 rows of six values.
-BLOCK_BYTES = 1 << 20
+BLOCK_BYTES = 1 << 21
 #: Bytes of a look at one place of a file, and places at which lines are counted.
 PLACE_BYTES, COUNTED = 1 << 18, 32
 #: A longer line is no row of numbers.
@@ -87,19 +88,6 @@ class TextHead:
 
 
 @dataclass(frozen=True)
-class ClockColumns:
-    """A time that is made of several fields, or written as a date or a time of day."""
-
-    positions: tuple[int, ...]  # of the fields, from 0
-    factors: tuple[float, ...] = (1.0,)  # numbers: their sum with these factors
-    text: TimeText | None = None  # texts: how they are read, joined by a blank
-
-    def of_texts(self, fields: list[str]) -> NDArray[np.float64] | None:
-        """Seconds of the joined texts, shape (n,); None if one of them is no time."""
-        return None if self.text is None else self.text.seconds(fields)
-
-
-@dataclass(frozen=True)
 class Layout:
     """How a row is laid out."""
 
@@ -128,6 +116,8 @@ class Layout:
         """Whole lines as UTF-8 with LF."""
         if self.encoding != "utf-8":
             data = data.decode(self.encoding, errors="replace").encode()
+        if b"\r" not in data:
+            return data
         return data.replace(b"\r\n", b"\n") if self.line_end == "\n" else data.replace(b"\r", b"\n")
 
     @property
@@ -213,9 +203,15 @@ def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:
     """The rows in `data`, lines that end in LF; `first_row` is the number of the first."""
     if data and not data.endswith(b"\n"):
         data += b"\n"
+    begins = (layout.mark, *layout.comments) if layout.mark is not None else layout.comments
+    commented = any(begin[:1] in data and begin in data for begin in begins)  # one byte is found fastest
+    given = None
+    if not commented and layout.only is None and layout.decimal == ".":
+        given, values = data, _by_arrow(data, layout)
+        if values is not None:
+            return Block(values, np.arange(first_row, first_row + len(values)), Bad.none())
     rows = np.arange(first_row, first_row + data.count(b"\n"))
-    if _has_other_lines(data, layout):
-        begins = (layout.mark, *layout.comments) if layout.mark is not None else layout.comments
+    if commented or (layout.blank and b"\n\n" in b"\n" + data.replace(b"\r", b"")):
         lines = data.split(b"\n")[:-1]
         kept = np.array([not line.lstrip().startswith(begins) and not (layout.blank and not line.strip())
                          for line in lines])  # fmt: skip
@@ -230,22 +226,38 @@ def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:
         data, rows = b"".join(line + b"\n" for line in compress(lines, kept)), rows[kept]
     if layout.decimal == ",":
         data = data.replace(b",", b".") if layout.delimiter != "," else QUOTED_COMMA.sub(rb"\1.\2", data)
-    values = _parse_regular(data, layout)
+    values = None if data is given else _by_arrow(data, layout)
+    if values is None:
+        values = _parse_regular(data, layout)
     if values is None:
         return _parse_each(data, rows, layout)
     return Block(values, rows, Bad.none())
 
 
-def _has_other_lines(data: bytes, layout: Layout) -> bool:
-    """Whether some lines may be no rows."""
-    begins = (layout.mark, *layout.comments) if layout.mark is not None else layout.comments
-    return any(begin in data for begin in begins) or (layout.blank and b"\n\n" in b"\n" + data.replace(b"\r", b""))
+def _by_arrow(data: bytes, layout: Layout) -> NDArray[np.float64] | None:
+    """All rows by pyarrow, or None where it is not there, not worth its loading, or any row is not plain."""
+    if not is_worthwhile(len(data)):
+        return None
+    width, clock = len(layout.titles) + layout.trailing, layout.clock
+    texts = clock.positions if clock is not None and clock.text is not None else ()
+    numbers = (*(clock.positions if clock is not None and not texts else ()), *layout.use)
+    found = arrow_columns(data, layout.delimiter, width, numbers, texts)
+    if found is None:
+        return None
+    values, columns = found
+    if layout.trailing and data.count(f"{layout.delimiter}\n".encode()) != len(values):
+        return None
+    if clock is None:
+        return values
+    return _with_clock(values, zip(*columns, strict=True), clock)
 
 
 def _parse_regular(data: bytes, layout: Layout) -> NDArray[np.float64] | None:
     """All rows in one call, or None where any of them is irregular."""
     if not data:
         return np.zeros((0, layout.columns))
+    if not data.strip():
+        return None
     width = len(layout.titles) + layout.trailing
     if layout.delimiter is not None and not _has_width(data, layout.delimiter, width):
         return None
@@ -269,19 +281,21 @@ def _parse_regular(data: bytes, layout: Layout) -> NDArray[np.float64] | None:
     blank_behind = not layout.trailing or all(line.rstrip().endswith(str(layout.delimiter)) for line in lines)
     if len(values) != len(lines) or not blank_behind:
         return None
-    return values if layout.clock is None else _with_clock(values, lines, layout, layout.clock)
+    if layout.clock is None:
+        return values
+    last = max(layout.clock.positions) + 1
+    cut = (line.split(layout.delimiter, last) for line in lines)
+    return _with_clock(values, ([fields[i] for i in layout.clock.positions] for fields in cut), layout.clock)
 
 
 def _with_clock(
-    values: NDArray[np.float64], lines: list[str], layout: Layout, clock: ClockColumns
+    values: NDArray[np.float64], texts: Iterable[Sequence[str]], clock: ClockColumns
 ) -> NDArray[np.float64] | None:
-    """The time put together, then the values."""
+    """The time put together, then the values; `texts` are the fields of the time of each row."""
     if clock.text is None:
         parts = len(clock.positions)
         return np.column_stack([values[:, :parts] @ np.array(clock.factors), values[:, parts:]])
-    last = max(clock.positions) + 1
-    cut = [line.split(layout.delimiter, last) for line in lines]
-    time = clock.of_texts([" ".join(fields[i].strip(' "') for i in clock.positions) for fields in cut])
+    time = clock.of_texts([" ".join(field.strip(' "') for field in fields) for fields in texts])
     return None if time is None else np.column_stack([time, values])
 
 

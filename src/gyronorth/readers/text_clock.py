@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.arrays import median
 from gyronorth.errors import InputError
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import TIME_UNITS
 from gyronorth.readers.source import Clock, Question
-from gyronorth.readers.text import ClockColumns
-from gyronorth.readers.times import DAY, WEEK, time_text
+from gyronorth.readers.times import DAY, WEEK, ClockColumns, time_text
 from gyronorth.readers.titles import Title
 
 #: Sample rates, Hz, by which the unit of a time is told where no title states it; no two units share one.
@@ -172,10 +172,10 @@ def _unit(
     if len(step) == 0:
         return 1.0, None, ""
     mean = float((time[-1] - time[0]) / (len(time) - 1))
-    mean = mean if mean > 0 else float(np.median(step))
+    mean = mean if mean > 0 else float(median(step))
     for power, (name, unit) in enumerate(TIME_UNITS.items()):
         low, high = (bound * 1000.0**power for bound in EPOCH_S)
-        if low <= float(np.median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
+        if low <= float(median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
             return unit, None, f", since 1970: {time[0]:.10g}" if name != "s" else ""
     whole = bool(np.allclose(time, np.rint(time), rtol=0, atol=1e-6))
     if not whole and SECONDS_RATES[0] <= 1 / mean <= SECONDS_RATES[1]:

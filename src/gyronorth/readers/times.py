@@ -14,14 +14,13 @@ DAY = 86400.0
 WEEK = 604800.0
 _CLOCK = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)"
 _ZONE = r"\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?"
-#: Name of a way to write times -> its pattern: date in up to three parts, then hours, minutes, seconds.
+_HALVES = rf"{_CLOCK}\s*([AaPp][Mm])?{_ZONE}"
+#: Name of a way to write times -> its pattern, a line at a time: date in up to three parts, hours, minutes, seconds.
 _FORMS = {
-    "date and time": re.compile(rf"^\"?(\d{{4}})[-/.](\d{{1,2}})[-/.](\d{{1,2}})[T ]\s*{_CLOCK}()?{_ZONE}\"?$", re.M),
-    "date (day or month first) and time": re.compile(
-        rf"^\"?(\d{{1,2}})[-/.](\d{{1,2}})[-/.](\d{{4}})[T ,]\s*{_CLOCK}\s*([AaPp][Mm])?{_ZONE}\"?$", re.M
-    ),
-    "time of day": re.compile(rf"^\"?()()(){_CLOCK}\s*([AaPp][Mm])?{_ZONE}\"?$", re.M),
-    "minutes and seconds": re.compile(r"^\"?()()()()(\d{1,2}):(\d{2}[.,]\d+)()\"?$", re.M),
+    "date and time": rf"^\"?(\d{{4}})[-/.](\d{{1,2}})[-/.](\d{{1,2}})[T ]\s*{_CLOCK}()?{_ZONE}\"?$",
+    "date (day or month first) and time": rf"^\"?(\d{{1,2}})[-/.](\d{{1,2}})[-/.](\d{{4}})[T ,]\s*{_HALVES}\"?$",
+    "time of day": rf"^\"?()()(){_HALVES}\"?$",
+    "minutes and seconds": r"^\"?()()()()(\d{1,2}):(\d{2}[.,]\d+)()\"?$",
 }
 
 
@@ -40,7 +39,7 @@ class TimeText:
 
     def seconds(self, fields: list[str]) -> NDArray[np.float64] | None:
         """Seconds from the start of the day `origin`, shape (n,); None if a field is written otherwise."""
-        found = _FORMS[self.form].findall("\n".join(fields))
+        found = re.findall(_FORMS[self.form], "\n".join(fields), re.M)
         if len(found) != len(fields) or not found:
             return None if fields else np.zeros(0)
         columns = list(zip(*found, strict=True))
@@ -70,10 +69,24 @@ class TimeText:
             return None
 
 
+@dataclass(frozen=True)
+class ClockColumns:
+    """A time that is made of several fields, or written as a date or a time of day."""
+
+    positions: tuple[int, ...]  # of the fields, from 0
+    factors: tuple[float, ...] = (1.0,)  # numbers: their sum with these factors
+    text: TimeText | None = None  # texts: how they are read, joined by a blank
+
+    def of_texts(self, fields: list[str]) -> NDArray[np.float64] | None:
+        """Seconds of the joined texts, shape (n,); None if one of them is no time."""
+        return None if self.text is None else self.text.seconds(fields)
+
+
 def time_text(fields: list[str]) -> TimeText | None:
     """How these fields, the first ones of a column, tell the time; None if they are no times."""
-    for form, pattern in _FORMS.items():
-        found = pattern.findall("\n".join(fields))
+    joined = "\n".join(fields)
+    for form, pattern in _FORMS.items() if ":" in joined else ():
+        found = re.findall(pattern, joined, re.M)
         if not fields or len(found) != len(fields):
             continue
         if not found[0][0]:

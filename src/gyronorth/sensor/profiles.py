@@ -52,7 +52,7 @@ _NOISE_DENSITY = ("velocity_random_walk_ug_sqrt_hz", 1e-6 * STANDARD_GRAVITY)
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 class _Triad(_Strict):

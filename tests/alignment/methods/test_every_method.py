@@ -178,14 +178,15 @@ def test_turning_the_body_turns_the_heading(name, psi):
     assert abs(off) <= within
 
 
+@pytest.mark.parametrize(("runs", "most"), [(6, 2), pytest.param(40, 7, marks=pytest.mark.long)])
 @pytest.mark.parametrize("sensor", ["hg9900", "isa100c", "sdc500"])
-def test_a_knocked_unit_is_refused_or_covered(name, sensor):
-    """A knock of 1.5 deg about any axis, at any time: at most one interval in eight may miss (binomial, 0.1 %)."""
+def test_a_knocked_unit_is_refused_or_covered(name, sensor, runs, most):
+    """A knock of 1.5 deg about any axis, at any time: of 95 % intervals more miss in 2 of 1000 series, and in 0.7."""
     if name in ("paper", "baseline") and sensor != SENSOR:
         pytest.skip("the bundle is trained for one sensor")
     rng = np.random.default_rng(20261128)
     missed = valid = 0
-    for _ in range(16):
+    for _ in range(runs):
         axis = rng.standard_normal(3)
         recording = knocked(sensor, axis / np.linalg.norm(axis) * np.radians(1.5), rng)
         estimate = heading(recording, sensor=sensor, method="auto" if name == "turned" else name)
@@ -194,7 +195,7 @@ def test_a_knocked_unit_is_refused_or_covered(name, sensor):
             low, high = estimate.interval95
             inside = (recording.heading_true - low) % (2 * np.pi) <= (high - low) % (2 * np.pi) or high - low >= 6.28
             missed += not inside
-    assert missed <= 4, f"{missed} of {valid} valid intervals miss"
+    assert missed <= most, f"{missed} of {valid} valid intervals miss"
 
 
 def knocked(sensor, angle_b, rng) -> Recording:

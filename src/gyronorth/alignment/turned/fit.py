@@ -303,9 +303,9 @@ def _poses(blocks: Blocks, solution: Solution, segments: Segments) -> tuple[Turn
 
 
 def _improbable(chi2: float, dof: int) -> bool:
-    from scipy.stats import chi2 as law
+    from scipy.special import chdtrc  # scipy.stats, which has the law ready, takes a second to load
 
-    return bool(law.sf(chi2, dof) < IMPROBABLE)
+    return bool(chdtrc(dof, chi2) < IMPROBABLE)
 
 
 def _triple(values: Array) -> tuple[float, float, float]:

@@ -6,13 +6,12 @@ A .bag of ours has a second topic with one std_msgs/String: the keys of the CSV'
 from __future__ import annotations
 
 import json
-import sqlite3
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,6 +24,9 @@ from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, ros_messages, ros_texts, topics_source
 from gyronorth.readers.source import Facts, Source
+
+if TYPE_CHECKING:
+    import sqlite3
 
 #: What tells a folder that is a recording of ROS 2.
 METADATA = "metadata.yaml"
@@ -227,6 +229,8 @@ def _from_databases(
 @contextmanager
 def _connected(name: str, databases: list[Path]) -> Iterator[list[sqlite3.Connection]]:
     """Databases of a bag, their errors told."""
+    import sqlite3
+
     with errors_translated(name, "bag of ROS", _CURES["rosbag2"]), ExitStack() as stack:
         opened = []
         for path in databases:

@@ -1,0 +1,99 @@
+"""The documentation in a browser: the search works from a folder, no request leaves the machine, nothing is cut off."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Debian's Chromium."""
+    pytest.importorskip("playwright", reason="playwright comes with the extra dev")
+    from playwright.sync_api import sync_playwright
+
+    path = shutil.which("chromium")
+    if path is None:
+        pytest.skip("chromium is not installed: apt-get install chromium (make browser does it)")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+def build(folder: Path, settings: dict) -> Path:
+    """A site by these settings."""
+    file = folder / "mkdocs.yml"
+    file.write_text(yaml.dump(settings))
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "-f", str(file), "-d", str(folder / "site")]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return folder / "site"
+
+
+@pytest.fixture(scope="module")
+def small_site(tmp_path_factory):
+    """Four pages with the theme, the hook and the search of the whole documentation."""
+    pytest.importorskip("material", reason="mkdocs-material comes with the extra dev")
+    folder = tmp_path_factory.mktemp("small")
+    settings = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+    (folder / "docs").mkdir()
+    for name in ("index.md", "glossary.md"):
+        shutil.copy(ROOT / "docs" / name, folder / "docs" / name)
+    del settings["nav"], settings["exclude_docs"], settings["validation"]
+    settings["plugins"] = ["search", "offline"]
+    settings["hooks"] = [str(ROOT / "docs/offline.py")]
+    settings["markdown_extensions"] = ["admonition", "attr_list", "tables"]
+    return build(folder, settings)
+
+
+def test_search_from_a_folder_asks_nobody(small_site, browser):
+    page = browser.new_page(viewport={"width": 1100, "height": 800})
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto((small_site / "index.html").as_uri())
+    page.locator(".md-search__input").first.fill("angle random walk")
+    page.locator(".md-search-result__item", has_text="Glossary").first.wait_for(timeout=20_000)
+    page.close()
+    assert len(asked) > 5
+    assert not [address for address in asked if not address.startswith(("file:", "blob:", "data:"))]
+
+
+#: What pushes the page or is cut: elements beyond the screen that no box around them lets scroll.
+BEYOND = """() => {
+  const width = document.documentElement.clientWidth;
+  const scrolls = e => e && e !== document.body
+    && (getComputedStyle(e).overflowX !== "visible" || scrolls(e.parentElement));
+  const cut = [...document.querySelectorAll("article *")].filter(
+    e => e.getBoundingClientRect().width && e.getBoundingClientRect().right > width + 1 && !scrolls(e.parentElement));
+  return [document.documentElement.scrollWidth - width, cut.map(e => e.textContent.slice(0, 40))];
+}"""
+#: Nobody scrolls further: a phone's screen is 844 px high.
+LONGEST = 30_000
+
+
+@pytest.mark.long
+def test_every_page_fits_a_phone_and_asks_nobody(tmp_path, browser):
+    site = tmp_path / "site"
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(site)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    pages = sorted(site.rglob("*.html"))
+    assert len(pages) > 40
+    for path in pages:
+        page.goto(path.as_uri())
+        assert page.evaluate(BEYOND) == [0, []], path.name
+        assert page.evaluate("document.documentElement.scrollHeight") < LONGEST, path.name
+    page.close()
+    assert not [address for address in asked if address.startswith("http")]
