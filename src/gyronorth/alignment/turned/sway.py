@@ -57,7 +57,7 @@ def _bounded(rate: Array, errors: TriadErrors, rate_hz: float) -> float:
     errors = replace(errors, white=max(errors.white, _shortest_noise(rate, rate_hz)))
     expected, limit = NoiseLaw(errors).detrended_angle_variance(duration)
     quantised = errors.quantisation**2 / 12
-    seen = float(np.mean(integral**2))
+    seen = _mean_square(np.asarray(integral, dtype=float))
     return float(np.sqrt(seen - expected - quantised)) if seen > limit + 2 * quantised else 0.0
 
 
