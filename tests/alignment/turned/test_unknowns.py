@@ -57,6 +57,7 @@ def test_sway_within_poses_is_answered_and_covered(angle_deg, seconds, with_acce
         recording = Recording(g, a if with_accel else None, RATE_HZ)
         found = gn.heading(recording, latitude=LATITUDE, sensor=sensor)
         assert found.method == "turned"
+        assert "swaying" in {warning.code for warning in found.warnings}
         if angle_deg < 0.1 or with_accel:
             assert found.valid, found.reasons
         low, high = found.interval95

@@ -9,6 +9,7 @@ from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import Options
 from gyronorth.alignment.result import Attitude, Posterior, Result
 from gyronorth.alignment.turned.fit import TurnedFit, turned
+from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.attitude import mat_lb
 from gyronorth.catalogue import method_info
 from gyronorth.estimate import Pose, SensorErrors, Turn
@@ -72,10 +73,22 @@ def _refusals(fit: TurnedFit) -> tuple[Finding, ...]:
 
 
 def _findings(fit: TurnedFit) -> tuple[Finding, ...]:
-    if not fit.bias_rejected:
-        return ()
-    message = "The gyro bias lies outside the sensor profile, which was not used for it; sigma allows for any bias."
-    return (Finding("bias_unknown", message),)
+    found: list[Finding] = []
+    if fit.bias_rejected:
+        message = "The gyro bias lies outside the sensor profile, which was not used for it; sigma allows for any bias."
+        found.append(Finding("bias_unknown", message))
+    if fit.bias_scatter > 0:
+        scatter = fit.bias_scatter / DEG_PER_HOUR
+        message = (
+            f"The gyro bias differs from pose to pose by about {scatter:.2g} deg/h, more than the profile's drift; "
+            "sigma allows for it."
+        )
+        found.append(Finding("profile_scaled", message, scatter, None))
+    if fit.sway > 0:
+        sway = float(np.degrees(fit.sway)) * 3600
+        message = f"The poses swayed or tilted by up to {sway:.1f} arcsec rms; sigma allows for it."
+        found.append(Finding("swaying", message, sway, None))
+    return tuple(found)
 
 
 METHOD = Turned()

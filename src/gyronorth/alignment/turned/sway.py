@@ -57,7 +57,7 @@ def _bounded(rate: Array, errors: TriadErrors, rate_hz: float) -> float:
     errors = replace(errors, white=max(errors.white, _shortest_noise(rate, rate_hz)))
     expected, limit = NoiseLaw(errors).detrended_angle_variance(duration)
     quantised = errors.quantisation**2 / 12
-    seen = float(np.mean(integral**2))
+    seen = _mean_square(np.asarray(integral, dtype=float))
     return float(np.sqrt(seen - expected - quantised)) if seen > limit + 2 * quantised else 0.0
 
 
@@ -68,9 +68,13 @@ def _shortest_noise(rate: Array, rate_hz: float) -> float:
     sizes = sorted({max(1, round(lag * rate_hz)) for lag in (0.0, *LAGS)})
     usable = [block_means(rate, size) for size in sizes if len(rate) // size >= FEWEST] or [rate]
     binomials = 70.0  # sum of the squares of 1, 4, 6, 4, 1
-    squares = [float(np.mean(np.asarray(np.diff(mean, 4, axis=0), dtype=float) ** 2)) for mean in usable]
+    squares = [_mean_square(np.diff(mean, 4, axis=0)) for mean in usable]
     sums = [square / binomials / len(mean) for square, mean in zip(squares, usable, strict=True)]
     return float(np.sqrt(min(sums) * len(rate) / rate_hz))
+
+
+def _mean_square(x: Array) -> float:
+    return float(np.mean(x**2))
 
 
 def _tilted(accel_b: Array, errors: TriadErrors, surge: float, rate_hz: float) -> float:
