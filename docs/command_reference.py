@@ -117,5 +117,5 @@ def meaning(parameter: Any) -> str:
 
 def cell(text: str, *, code: bool = True) -> str:
     """Text that may stand in a table; within code a bar divides no cells."""
-    text = " ".join(text.split())
+    text = "<br>".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
     return f"`{text}`" if code and text else text.replace("|", "\\|")

@@ -51,7 +51,7 @@ METHODS: tuple[MethodInfo, ...] = (
     ),
     MethodInfo(
         "inertial",
-        "gravity traced in an inertial frame; holds under sway",
+        "gravity followed in an inertial frame; for a swaying vehicle",
         "gyronorth.alignment.methods.inertial",
         needs_accelerometer=True,
         takes_attitude=False,
@@ -61,7 +61,7 @@ METHODS: tuple[MethodInfo, ...] = (
     ),
     MethodInfo(
         "turned",
-        "multi-position: two or more poses and the turns between them",
+        "two or more poses and the turns between them (multi-position)",
         "gyronorth.alignment.methods.turned",
         takes_attitude=False,
         takes_turn_angles=True,
@@ -70,12 +70,12 @@ METHODS: tuple[MethodInfo, ...] = (
     ),
     MethodInfo(
         "posterior",
-        "one mixture over profile scale, tilt, sway, settling and bumps",
+        "one pose, averaged over models of tilt, sway, settling and bumps",
         "gyronorth.alignment.methods.posterior",
     ),
     MethodInfo(
         "bayes",
-        "average over models of sway, settling and bumps, 30 to 300 s",
+        "exhaustive search of sway, settling and bumps, 30 to 300 s",
         "gyronorth.alignment.methods.bayes",
         lowest_rate_hz=3.0,
         shortest_s=30.0,
@@ -84,7 +84,7 @@ METHODS: tuple[MethodInfo, ...] = (
     ),
     MethodInfo(
         "learned",
-        "the same with models that a network proposes, from 30 s",
+        "the same, with a network that proposes candidates, from 30 s",
         "gyronorth.alignment.methods.learned",
         takes_bundle=True,
     ),
@@ -137,6 +137,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
+    FindingInfo("hung_axis", "reason", "an axis does not change", "An axis of the unit is dead, or hung for a while."),
+    FindingInfo("gravity", "reason", "no gravity", "The accelerometer does not show gravity."),
+    FindingInfo("gimbal", "reason", "points up or down", "The forward axis stands too steeply to have a heading."),
     FindingInfo("not_finite", "reason", "not a number", "What was worked out is no number."),
     FindingInfo(
         "network_contradicts", "reason", "network and Earth rate differ", "The network contradicts the mean rate."
@@ -154,6 +157,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("axes_assumed", "warning", "axes assumed", "Nobody says which way the axes point."),
     FindingInfo("bias_unknown", "warning", "no profile", "The size of the gyro's errors is inferred."),
     FindingInfo("assumed_level", "warning", "taken as level", "There is no accelerometer and no given attitude."),
+    FindingInfo("accelerometer_beside", "warning", "force left out", "A file of the accelerometer was left out."),
     FindingInfo("swaying", "warning", "swaying", "The attitude swayed, or its tilt changed."),
     FindingInfo("rows_dropped", "warning", "rows left out", "Rows that could not be read were left out."),
     FindingInfo("gaps_bridged", "warning", "samples bridged", "Samples were missing and are bridged."),

@@ -42,6 +42,7 @@ def test_the_demo_gives_what_the_readme_prints(clone):
     assert shell("gyronorth heading examples/data/demo.npz --sensor sdc500", clone) == answer
 
 
+@pytest.mark.long  # tests/test_docs.py runs them too, in this tree
 def test_every_command_of_the_readme_runs(clone):
     one_shot = [command for command in COMMANDS if " live " not in command]
     assert len(one_shot) >= 6

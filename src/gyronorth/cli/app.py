@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from difflib import get_close_matches
 from typing import Any, NoReturn
 
 import typer
@@ -15,7 +16,7 @@ from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
 from gyronorth.cli.tasks import ABOUT
 
 #: Panel of the options that every command has.
-PANEL = "How much is said"
+PANEL = "Verbosity"
 
 
 class Commands(TyperGroup):
@@ -45,8 +46,8 @@ class Commands(TyperGroup):
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # for as long as the command runs
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # a file name may not fit the terminal's encoding
-        given = list(args[0] if args and args[0] is not None else extra.pop("args", None) or sys.argv[1:])
-        given = with_bare_increments(given)
+        words = args[0] if args else extra.pop("args", None)
+        given = with_bare_increments(list(sys.argv[1:] if words is None else words))
         try:
             code = super().main(given, *args[1:], standalone_mode=False, **extra)
             sys.stdout.flush()
@@ -61,6 +62,14 @@ class Commands(TyperGroup):
                 raise
             _fail(message, 2)
         sys.exit(code if isinstance(code, int) else 0)
+
+
+def _near_command(message: str, arguments: list[str]) -> str:
+    """A known command nearly like the one given, where this version of typer does not say so itself."""
+    if not message.startswith("No such command") or "Did you mean" in message:
+        return ""
+    near = get_close_matches(arguments[0] if arguments else "", ABOUT, n=1)
+    return f" Did you mean '{near[0]}'?" if near else ""
 
 
 def with_bare_increments(arguments: list[str]) -> list[str]:
@@ -80,7 +89,8 @@ def _user_error(error: Exception, arguments: list[str]) -> str | None:
         context = getattr(error, "ctx", None)
         hint = f"\nTry '{context.command_path} --help'." if context else ""
         # Some versions let a word of pydantic's through.
-        return error.format_message().replace("Value error, ", "") + hint  # type: ignore[attr-defined]
+        message = error.format_message().replace("Value error, ", "")  # type: ignore[attr-defined]
+        return message + _near_command(message, arguments) + hint
     if isinstance(error, InputError):
         # A reader's question ends in the command that would settle it.
         return error.for_command(arguments) if hasattr(error, "for_command") else str(error)  # type: ignore[attr-defined]
@@ -121,7 +131,7 @@ def _verbosity() -> list[Any]:
             callback=_set_level(QUIET),
             expose_value=False,
             rich_help_panel=PANEL,
-            help="No progress on standard error: results and errors only.",
+            help="Results and errors only: no progress on standard error.",
         ),
         verbose: bool = typer.Option(
             False,
@@ -130,7 +140,7 @@ def _verbosity() -> list[Any]:
             callback=_set_level(VERBOSE),
             expose_value=False,
             rich_help_panel=PANEL,
-            help="The time of each step on standard error, and where in the program an error arose.",
+            help="Time of each step and traceback of errors on standard error.",
         ),
     ) -> None: ...
 

@@ -28,28 +28,38 @@ def benchmark(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME", autocompletion=completion.benchmark, help="paper, published, turned, disturbed or stress."
+            metavar="NAME",
+            autocompletion=completion.benchmark,
+            help="paper, published, turned, disturbed, stress or real.",
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Results; what is there is kept.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder of the results; existing ones are kept.")
+    ],
     study: Annotated[
         list[str] | None,
-        typer.Option(metavar="STUDY", autocompletion=completion.study, help="Only this study; repeatable."),
+        typer.Option(metavar="STUDY", autocompletion=completion.study, help="Run only this study; repeatable."),
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Public recordings of your own clone; else the shipped twin.")
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Your recordings: a clone of the published ones (else their reconstruction), or those of real.",
+        ),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler; local processes without it.")
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Address of a Dask scheduler; by default local processes work."),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Local processes.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Of noise, splits and trainings.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, metavar="N", help="Number of local processes.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, metavar="N", help="Seed of noise, splits and trainings.")] = None,
     splits: Annotated[int | None, typer.Option(min=1, metavar="N", help="Random splits without networks.")] = None,
     network_splits: Annotated[int | None, typer.Option(min=1, metavar="N", help="Random splits with networks.")] = None,
     seeds: Annotated[int | None, typer.Option(min=1, metavar="N", help="Trainings of each variant.")] = None,
-    epochs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Most epochs of a training.")] = None,
+    epochs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Maximum epochs of a training.")] = None,
     selection: Annotated[
-        Selection, typer.Option(help="What chooses a network's epoch; all but validation are labelled in the results.")
+        Selection,
+        typer.Option(help="How the epoch of a network is chosen; all but validation are labelled in the results."),
     ] = Selection.validation,
 ) -> None:
     """Run the studies of a benchmark: one result file per unit of work, then JSON, Markdown and figures.
@@ -78,13 +88,15 @@ def benchmark(
     plan = StudyPlan(
         **{field.name: values[field.name] for field in fields(StudyPlan) if values[field.name] is not None}
     )
-    studies_of(name, tuple(study or ()))
-    passed_over = plan.source().get("data", {}).get("passed_over")  # both refuse before any work
+    chosen = studies_of(name, tuple(study or ()))
+    for one in chosen:
+        one.recordings(plan)  # both refuse before any work
+    passed_over = plan.source().get("data", {}).get("passed_over") if chosen[0].on_recordings else None
     told = [passed_over_text(passed_over) if passed_over else "", plan.cut_short() if name == "paper" else ""]
     for line in filter(None, told):
         typer.echo(line.replace("**", ""), err=True)
     if name == "paper":
-        jobs = [job for one in studies_of(name, tuple(study or ())) for job in one.units(plan)]
+        jobs = [job for one in chosen for job in one.units(plan)]
         typer.echo(told_before(jobs, output, workers), err=True)
     with (
         no_empty_folder(output),

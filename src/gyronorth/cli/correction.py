@@ -24,7 +24,7 @@ GyroBias = Annotated[
     typer.Option(
         metavar="X,Y,Z",
         parser=triple("X,Y,Z in deg/h", "1.2,-0.4,0.3", scale=DEG_PER_HOUR),
-        help="Known gyro bias in body axes, deg/h; it is subtracted.",
+        help="Known gyro bias in body axes, deg/h; subtracted.",
         rich_help_panel=SITE,
     ),
 ]
@@ -37,7 +37,10 @@ Deviation = Annotated[
     ),
 ]
 AnySession = Annotated[
-    bool, typer.Option("--any-session", help="Apply the deviation curve in any session.", rich_help_panel=SITE)
+    bool,
+    typer.Option(
+        "--any-session", help="Apply the deviation curve in any session, not only its own.", rich_help_panel=SITE
+    ),
 ]
 
 

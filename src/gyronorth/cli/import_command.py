@@ -33,8 +33,8 @@ def import_file(
     save_preset: Annotated[
         str | None, typer.Option(metavar="NAME", help="Write the declarations to NAME.json, for --preset.")
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Take what physics tells, and ask nothing.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite what is there.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Accept what physics determines, and ask nothing.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
     *,
     reading: ReadOptions,
 ) -> None:

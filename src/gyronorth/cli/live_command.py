@@ -72,7 +72,7 @@ def live(
             metavar="FILE.toml",
             callback=take_config,
             is_eager=True,
-            help="Take options from a file, by their names; the command line beats it.",
+            help="Read options from a TOML file; the command line takes precedence.",
         ),
     ] = None,
     log_level: Annotated[
@@ -80,7 +80,7 @@ def live(
         typer.Option(
             metavar="|".join(LEVELS),
             parser=log_level_name,
-            help="What is told on standard error.",
+            help="Log level on standard error.",
             rich_help_panel=OUTPUT,
         ),
     ] = "info",
@@ -99,7 +99,7 @@ def live(
         Path | None,
         typer.Option(
             metavar="FILE.csv",
-            help="Record every good line; a file that exists is kept, and the next number taken.",
+            help="Record every valid line; an existing file is kept and a number added to the name.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -128,7 +128,7 @@ def live(
         typer.Option(
             metavar="HZ",
             parser=number("a rate of 0.01 to 100 Hz", "1", low=0.01, high=100),
-            help="How often NMEA and JSON go out.",
+            help="Rate of NMEA and JSON output.",
             rich_help_panel=OUTPUT,
         ),
     ] = 1.0,
@@ -151,12 +151,12 @@ def live(
     ] = True,
     api: Annotated[
         bool,
-        typer.Option("--api", help="Without the page, serve its addresses for programs.", rich_help_panel=PAGE),
+        typer.Option("--api", help="Serve the HTTP interface for programs without the page.", rich_help_panel=PAGE),
     ] = False,
     host: Annotated[
         str,
         typer.Option(
-            metavar="HOST", help="Where the page listens; elsewhere than here a token is needed.", rich_help_panel=PAGE
+            metavar="HOST", help="Address to listen on; other than this machine needs --token.", rich_help_panel=PAGE
         ),
     ] = "127.0.0.1",
     port: Annotated[
@@ -164,15 +164,13 @@ def live(
         typer.Option(
             metavar="PORT",
             parser=number("a port of 0 to 65535", "8080", low=0, high=65535),
-            help="Port of the page; 0 takes a free one.",
+            help="Port of the page; 0: any free port.",
             rich_help_panel=PAGE,
         ),
     ] = 8080,
     token: Annotated[
         str | None,
-        typer.Option(
-            metavar="TEXT", envvar="GYRONORTH_TOKEN", help="Whoever opens the page must know it.", rich_help_panel=PAGE
-        ),
+        typer.Option(metavar="TEXT", envvar="GYRONORTH_TOKEN", help="Access token of the page.", rich_help_panel=PAGE),
     ] = None,
     *,
     reading: ReadOptions,

@@ -60,14 +60,22 @@ Scheduler = Annotated[
 ]
 Resume = Annotated[
     bool,
-    typer.Option("--resume", help="Go on with the table: only what is missing or has changed.", rich_help_panel=MANY),
+    typer.Option("--resume", help="Continue the table: compute only missing or changed files.", rich_help_panel=MANY),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="OUT.csv|.parquet",
+        help="Write a table, one row per recording.",
+        rich_help_panel=MANY,
+    ),
 ]
 Windows = Annotated[
     Any,
     typer.Option(
         metavar="LENGTH[:STEP]",
         parser=window_steps,
-        help="A heading for every window of this length, each STEP after the last, seconds.",
+        help="Compute a heading for each window of LENGTH seconds, STEP apart.",
         rich_help_panel=OUTPUT,
     ),
 ]
@@ -97,11 +105,11 @@ class Place:
 
 
 @contextmanager
-def kept_table(path: Path, settings: str, resume: bool, windows: bool) -> Iterator[Table]:
+def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) -> Iterator[Table]:
     """The table that is kept; an interruption tells how to go on."""
     from gyronorth.many.table import table
 
-    with table(path, settings, resume=resume, windows=windows) as rows:
+    with table(path, settings, resume=resume, columns=columns) as rows:
         try:
             yield rows
         except KeyboardInterrupt:

@@ -47,10 +47,10 @@ MethodName = Annotated[
     Any,
     typer.Option(
         "--method",
-        metavar="|".join(info.name for info in METHODS),
+        metavar="METHOD",
         parser=method_name,
         autocompletion=completion.method,
-        help="; ".join(f"{info.name}: {info.summary}" for info in METHODS) + ".",
+        help="How the heading is computed.\n\n" + "\n\n".join(f"{info.name}: {info.summary}." for info in METHODS),
     ),
 ]
 
@@ -190,13 +190,18 @@ RequireSigma = Annotated[
     typer.Option(
         metavar="DEG",
         parser=degrees("a positive angle in degrees", "1.5", low=1e-6),
-        help="Give out no heading with a larger sigma.",
+        help="Refuse a heading with a larger sigma.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite what is there.", rich_help_panel=OUTPUT)]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.", rich_help_panel=OUTPUT)]
 Plot = Annotated[
-    Path | None, typer.Option(metavar="OUT.png", help="Draw a figure (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
+    Path | None,
+    typer.Option(
+        metavar="OUT.png",
+        help="Draw heading against time and Allan deviation (.png, .svg or .pdf).",
+        rich_help_panel=OUTPUT,
+    ),
 ]
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -215,7 +220,12 @@ READING: dict[str, tuple[Any, Any]] = {
     "window": (
         Annotated[
             Any,
-            typer.Option(metavar="START:END", parser=window, help="Use only this part, seconds.", rich_help_panel=FILE),
+            typer.Option(
+                metavar="START:END",
+                parser=window,
+                help="Use only this part of the recording, seconds.",
+                rich_help_panel=FILE,
+            ),
         ],
         None,
     ),
@@ -246,8 +256,8 @@ READING: dict[str, tuple[Any, Any]] = {
     ),
     "gyro_unit": _declares("UNIT", "deg/s, rad/s, deg/h, mdeg/s, mrad/s or arcsec/s."),
     "accel_unit": _declares("UNIT", "m/s2, g, mg, ug or cm/s2."),
-    "gyro_scale": _declares("UNITS", "Gyro units in one count of the file.", _per_count),
-    "accel_scale": _declares("UNITS", "Accelerometer units in one count of the file.", _per_count),
+    "gyro_scale": _declares("UNITS", "Gyro units per count of the file.", _per_count),
+    "accel_scale": _declares("UNITS", "Accelerometer units per count of the file.", _per_count),
     "increments": _declares(
         "[gyro|accel|both|none]", "The file holds increments per sample, not rates; of both sensors if none is named."
     ),
@@ -257,7 +267,7 @@ READING: dict[str, tuple[Any, Any]] = {
         number("a positive time in seconds", "0.005", above=0),
     ),
     "time_unit": _declares("UNIT", "Unit of the time column: s, ms, us or ns."),
-    "preset": _declares("NAME|FILE", "Declarations of a program's files, by name or from a file that import saved."),
+    "preset": _declares("NAME|FILE", "Declarations for a program's files: a name, or a file saved by `import`."),
     "columns": (
         Annotated[
             Any,
@@ -295,7 +305,7 @@ READING: dict[str, tuple[Any, Any]] = {
             Path | None,
             typer.Option(
                 metavar="FILE",
-                help="The accelerometer's file, where the gyro has one of its own; joined on time.",
+                help="Separate file of the accelerometer; joined on time.",
                 rich_help_panel=FILE,
             ),
         ],
@@ -306,7 +316,7 @@ READING: dict[str, tuple[Any, Any]] = {
             str | None,
             typer.Option(
                 metavar="NAME",
-                help="The accelerometer's topic, where the gyro has one of its own.",
+                help="Separate topic of the accelerometer.",
                 rich_help_panel=FILE,
             ),
         ],
@@ -318,7 +328,7 @@ READING: dict[str, tuple[Any, Any]] = {
             typer.Option(
                 metavar="NAME",
                 autocompletion=completion.protocol,
-                help="Protocol of a capture of a unit's frames; by default told by their checksums.",
+                help="Protocol of a capture of frames; by default recognised by checksums.",
                 rich_help_panel=FILE,
             ),
         ],
@@ -349,7 +359,7 @@ READING: dict[str, tuple[Any, Any]] = {
         Annotated[
             bool,
             typer.Option(
-                "--drop-bad-rows", help="Leave out rows that cannot be read, and report them.", rich_help_panel=FILE
+                "--drop-bad-rows", help="Omit rows that cannot be read, and report them.", rich_help_panel=FILE
             ),
         ],
         False,

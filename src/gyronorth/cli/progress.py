@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 QUIET, NORMAL, VERBOSE = range(3)
-#: How much is said; the options -q and -v of every command set it.
+#: Verbosity; the options -q and -v of every command set it.
 level = NORMAL
 
 

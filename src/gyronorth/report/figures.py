@@ -79,7 +79,7 @@ def heading_figure(
 ) -> Figure:
     """Convergence of one heading and, where given, the Allan deviation of its recording below it."""
     with mpl.rc_context(SETTINGS):
-        figure = _figure(8.0, 4.4 if deviation is None else 8.4)
+        figure = new_figure(8.0, 4.4 if deviation is None else 8.4)
         axes = figure.subplots(1 if deviation is None else 2, 1, squeeze=False)[:, 0]
         draw_convergence(axes[0], convergence, estimate, heading_true=heading_true)
         if deviation is not None:
@@ -92,7 +92,7 @@ def convergence_figure(
 ) -> Figure:
     """Convergence alone, in the size of the HTML report."""
     with mpl.rc_context(SETTINGS):
-        figure = _figure(4.5, 3.3)
+        figure = new_figure(4.5, 3.3)
         draw_convergence(figure.subplots(), convergence, estimate, heading_true=heading_true)
     return figure
 
@@ -100,7 +100,7 @@ def convergence_figure(
 def allan_figure(deviation: AllanDeviation) -> Figure:
     """Allan deviation of the gyro alone, in the size of the HTML report."""
     with mpl.rc_context(SETTINGS):
-        figure = _figure(4.5, 3.3)
+        figure = new_figure(4.5, 3.3)
         draw_allan(figure.subplots(), deviation)
     return figure
 
@@ -144,7 +144,7 @@ def draw_convergence(
     steps = [1, 2, 3, 5, 10] if np.ptp(axes.get_ylim()) < 120 else [1, 3, 4.5, 9, 10]
     axes.yaxis.set_major_locator(MaxNLocator(nbins=7, steps=steps))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{round(value % 360, 4) % 360:g}"))
-    _legend_above(axes, columns=2)
+    legend_above(axes, columns=2)
 
 
 def _less_turns(time: NDArray, heading: NDArray, poses: Sequence[Pose]) -> NDArray:
@@ -161,7 +161,7 @@ def _less_turns(time: NDArray, heading: NDArray, poses: Sequence[Pose]) -> NDArr
 def characterisation_figure(found: Characterisation) -> Figure:
     """Allan deviation of gyro and accelerometer with the fitted model of each triad."""
     with mpl.rc_context(SETTINGS):
-        figure = _figure(8.0, 4.8 if found.accel is None else 9.2)
+        figure = new_figure(8.0, 4.8 if found.accel is None else 9.2)
         axes = figure.subplots(1 if found.accel is None else 2, 1, squeeze=False)[:, 0]
         draw_allan(axes[0], found.gyro.deviation, model=found.gyro.triad)
         if found.accel is not None:
@@ -179,7 +179,7 @@ def draw_allan(
     """Allan deviation of three axes with 95 % bounds and, where given, the model fitted to all three."""
     unit, one = ("deg/h", DEG_PER_HOUR) if sensor == "gyro" else ("mg", 1e-3 * STANDARD_GRAVITY)
     axes.set(title=f"Allan deviation of the {sensor}", xlabel="averaging time (s)", ylabel=f"deviation ({unit})")
-    _logarithmic(axes)
+    logarithmic(axes)
     curves = zip(
         AXIS_STYLES, *(part.T / one for part in (deviation.deviation, deviation.low, deviation.high)), strict=True
     )
@@ -192,17 +192,17 @@ def draw_allan(
     if model is not None:
         tau = deviation.tau[deviation.tau >= model.tau[0] * 0.999]
         axes.plot(tau, model.deviation(tau) / one, color=INK, linewidth=1.0, label="model of the triad")
-    _legend_above(axes, columns=3 if model is None else 4)
+    legend_above(axes, columns=3 if model is None else 4)
 
 
 def plan_figure(plan: Plan) -> Figure:
     """Expected sigma against time with its parts, and for several latitudes."""
     with mpl.rc_context(SETTINGS):
-        figure = _figure(8.0, 8.6)
+        figure = new_figure(8.0, 8.6)
         parts, latitudes = figure.subplots(2, 1)
         for axes in (parts, latitudes):
             axes.set(xlabel="time standing still (s)", ylabel="heading sigma (deg)")
-            _logarithmic(axes)
+            logarithmic(axes)
         total = np.degrees(plan.sigma)
         where = f"{plan.sensor.name.replace('$', chr(92) + '$')} at {np.degrees(plan.latitude):.4g} deg, {plan.method}"
         parts.set(title=f"Expected heading sigma: {where}", xlim=(plan.duration[0], plan.duration[-1]))
@@ -221,8 +221,8 @@ def plan_figure(plan: Plan) -> Figure:
             label = f"{np.degrees(latitude):.0f} deg"
             latitudes.plot(plan.duration, np.degrees(sigma), color=colour, linestyle=line, label=label)
         latitudes.set_ylim(top=min(200, latitudes.get_ylim()[1]))
-        _legend_above(parts, columns=3)
-        _legend_above(latitudes, columns=4)
+        legend_above(parts, columns=3)
+        legend_above(latitudes, columns=4)
     return figure
 
 
@@ -261,7 +261,7 @@ def svg_text(figure: Figure, *, salt: str) -> str:
     return svg
 
 
-def _logarithmic(axes: Axes) -> None:
+def logarithmic(axes: Axes) -> None:
     """Logarithmic scales with plain numbers at them, 0.1 rather than a power."""
     axes.set(xscale="log", yscale="log")
     axes.grid(which="minor", alpha=0.35)
@@ -271,7 +271,7 @@ def _logarithmic(axes: Axes) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _legend_above(axes: Axes, *, columns: int) -> None:
+def legend_above(axes: Axes, *, columns: int) -> None:
     """The legend between title and axes, where no curve can run through it."""
     if not axes.get_legend_handles_labels()[0]:
         return
@@ -280,7 +280,7 @@ def _legend_above(axes: Axes, *, columns: int) -> None:
     axes.set_title(axes.get_title(loc="left"), pad=8 + 14.5 * rows)
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
     """An empty figure, inches."""
     figure = Figure(figsize=(width, height), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)  # type: ignore[union-attr]

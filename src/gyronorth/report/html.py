@@ -14,9 +14,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.report.checks import limit_text, share, value_text
-from gyronorth.report.dial import arc_path, on_circle, quadrant_seconds, sector_path
+from gyronorth.report.comparison import Opinion
+from gyronorth.report.dial import arc_path, density_path, on_circle, quadrant_seconds, sector_path
 from gyronorth.report.figures import allan_figure, convergence_figure, svg_text
 from gyronorth.report.sensors import figure_texts
+from gyronorth.report.spectrum import Spectrum, spectrum_figure
 from gyronorth.report.tables import Outcome
 from gyronorth.report.wording import (
     angle_text,
@@ -31,7 +33,7 @@ from gyronorth.report.wording import (
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
-    from gyronorth.estimate import Convergence, HeadingEstimate
+    from gyronorth.estimate import Convergence, HeadingDensity, HeadingEstimate
     from gyronorth.sensor import Sensor
 
 
@@ -42,6 +44,8 @@ def heading_page(
     deviation: AllanDeviation | None = None,
     inputs: Sequence[tuple[str, str]] = (),
     sensor: Sensor | None = None,
+    spectrum: Spectrum | None = None,
+    opinions: Sequence[Opinion] = (),
 ) -> str:
     """The page as text: no script, no external resource, light and dark, readable on a phone.
 
@@ -57,6 +61,10 @@ def heading_page(
         What the user gave, as (name, value).
     sensor : Sensor, optional
         The profile, whose figures are shown.
+    spectrum : Spectrum, optional
+        Of the gyro; left out for records that are too short.
+    opinions : sequence of Opinion
+        The headings of other methods beside the estimate.
     """
     estimate = outcome.estimate
     if estimate is None:
@@ -75,11 +83,13 @@ def heading_page(
             true_deg=true_deg,
             error_deg=error_deg,
             bars=_bars(doc),
-            dial=_dial(doc),
+            dial=_dial(doc, estimate.posterior),
             convergence_svg=svg_text(figure, salt="convergence"),
             allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
+            spectrum_svg=None if spectrum is None else _spectrum(spectrum, sensor),
+            opinions=opinions if len(opinions) > 1 else (),
             checks=_checks(estimate),
-            figures=() if sensor is None else figure_texts(sensor),
+            figures="" if sensor is None else "; ".join(f"{name} {value}" for name, value in figure_texts(sensor)),
             inputs=inputs,
             poses=_poses(estimate),
             disturbance=_disturbance(estimate),
@@ -109,6 +119,11 @@ def _environment() -> Environment:
         "plain": plain_text,
     }
     return environment
+
+
+def _spectrum(spectrum: Spectrum, sensor: Sensor | None) -> str:
+    """The figure of the spectrum, with the noise of the profile where there is one."""
+    return svg_text(spectrum_figure(spectrum, white=None if sensor is None else sensor.gyro.white), salt="spectrum")
 
 
 def _checks(estimate: HeadingEstimate) -> list[dict[str, Any]]:
@@ -163,10 +178,18 @@ def _disturbance(estimate: HeadingEstimate) -> list[tuple[str, str]]:
     return rows
 
 
-def _dial(doc: dict[str, Any]) -> dict[str, Any]:
-    """A compass card: path of the 95 % sector and the tip of the needle on a circle of radius 80."""
+def _dial(doc: dict[str, Any], posterior: HeadingDensity | None) -> dict[str, Any]:
+    """A compass card: path of the 95 % sector, of the density, and the tip of the needle on a circle of radius 80."""
     low, high = doc["interval95_deg"]
     sector = sector_path(low, high, 80)
     needle = None if doc["heading_deg"] is None else on_circle(doc["heading_deg"], 74)
     ticks = [(on_circle(angle, 80), on_circle(angle, 72 if angle % 90 else 68)) for angle in range(0, 360, 30)]
-    return {"whole": sector is None, "sector": sector, "arc": arc_path(low, high, 80), "needle": needle, "ticks": ticks}
+    density = None if posterior is None else density_path(posterior.heading, posterior.density, 80, 18)
+    return {
+        "whole": sector is None,
+        "sector": sector,
+        "density": density,
+        "arc": arc_path(low, high, 80),
+        "needle": needle,
+        "ticks": ticks,
+    }

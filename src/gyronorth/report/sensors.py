@@ -36,9 +36,14 @@ coefficient, the Allan minimum / 0.664. Bias: from power-up to power-up. --json 
 def figure_texts(sensor: Sensor) -> list[tuple[str, str]]:
     """The figures of a profile as (name, value with unit); one standard deviation of one axis each."""
     return [
-        (title, f"{getattr(getattr(sensor, triad), field) / one:.3g} {unit}")
+        (title, f"{_plain(getattr(getattr(sensor, triad), field) / one)} {unit}")
         for (title, unit), (triad, field, one) in FIGURES.items()
     ]
+
+
+def _plain(value: float) -> str:
+    """Three digits, and never a power of ten for a thousand or more."""
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
 
 def print_sensors(sensors: Sequence[Sensor], stream: TextIO) -> None:
@@ -47,7 +52,7 @@ def print_sensors(sensors: Sequence[Sensor], stream: TextIO) -> None:
     rows = [("", *units)]
     for sensor in sensors:
         values = (getattr(getattr(sensor, triad), field) / unit for triad, field, unit in FIGURES.values())
-        rows.append((sensor.name, *(f"{value:.3g}" if value < 1000 else f"{value:.0f}" for value in values)))
+        rows.append((sensor.name, *(_plain(value) for value in values)))
     print_table(("sensor", *titles), rows, stream)
     stream.write(LEGEND)
     for sensor in sensors:
