@@ -196,7 +196,7 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         page.get_by_role("button", name="Save").click()
         expect(page.locator("[data-saved]")).to_contain_text("north.2.csv", timeout=60_000)
         page_heading(page, tmp_path, heading_deg, url)
-        page.get_by_label("Vehicle's bow").fill("10")
+        page.get_by_label("Bow to starboard").fill("10")
         page.get_by_role("button", name="Set the alignment offset").click()
         turned = re.compile(f"{heading_deg + 10:.1f}".replace(".", r"\.")[:-1])
         expect(page.locator("[data-heading]")).to_contain_text(turned, timeout=60_000)
