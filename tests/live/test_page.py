@@ -171,10 +171,7 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         health = page.request.get(f"{url}healthz")
         assert (health.status, health.json()["ok"]) == (503, False)
         assert page.request.get(f"{url}api/heading").json()["valid"] is False
-        assert_usable_by_all(page)
-        while "stopped" in verdict.inner_text():  # a key is lost where a busy machine has broken the connection
-            page.keyboard.press("s")
-            page.wait_for_timeout(2000)
+        page.keyboard.press("s")
         expect(verdict).to_contain_text("Valid", timeout=60_000)
         expect(alarm).to_be_empty()
         process.send_signal(signal.SIGSTOP)
@@ -199,13 +196,14 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         page.get_by_role("button", name="Save").click()
         expect(page.locator("[data-saved]")).to_contain_text("north.2.csv", timeout=60_000)
         page_heading(page, tmp_path, heading_deg, url)
-        page.get_by_label("Vehicle's bow").fill("10")
+        page.get_by_label("Bow to starboard").fill("10")
         page.get_by_role("button", name="Set the alignment offset").click()
         turned = re.compile(f"{heading_deg + 10:.1f}".replace(".", r"\.")[:-1])
         expect(page.locator("[data-heading]")).to_contain_text(turned, timeout=60_000)
         page.locator("summary").click()
         phone(page)
         assert problems == []
+        assert_usable_by_all(page)  # last: it keeps the page busy for so long that a slow machine loses keys
         process.kill()
         expect(verdict).to_contain_text("Invalid: no news from the instrument", timeout=30_000)
         assert page.evaluate(STRUCK) == "line-through"
@@ -230,7 +228,6 @@ def phone(page) -> None:
     """Nothing is wider than a phone, every button is reached with the Tab key, and d turns the page dark."""
     page.set_viewport_size({"width": 390, "height": 844})
     assert page.evaluate("document.documentElement.scrollWidth") == 390
-    assert_usable_by_all(page)
     reached = set()
     for _ in range(16):
         page.keyboard.press("Tab")
@@ -241,7 +238,6 @@ def phone(page) -> None:
     before = page.evaluate(colour)
     page.keyboard.press("d")
     page.wait_for_function(f"{colour} != '{before}'")
-    assert_usable_by_all(page)
 
 
 @pytest.mark.slow

@@ -114,7 +114,7 @@ def _alignment(session: Session) -> None:
     with ui.element("section").classes("offset"):
         ui.html("<h2>Alignment offset</h2>", sanitize=False)
         field = ui.number(
-            label="Vehicle's bow to starboard of the unit's forward axis, deg",
+            label="Bow to starboard of the unit's x, deg",
             value=round(degrees(session.status.alignment), 4), min=-180, max=180, format="%.2f",
         )  # fmt: skip
         field.on("keydown.enter", set_offset)
