@@ -7,12 +7,13 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 EXTRAS := report,learned,train,io,live,scale,dev
+comma := ,
 DEMO := examples/data/demo.npz
 # The limit of the small install, in MB (`make demo` on its own, before `make test`).
 DEMO_SIZE_LIMIT := 450
 
 .DELETE_ON_ERROR:
-.PHONY: browser demo test fast long check examples docs outputs pictures notebooks readme demo-recording size release-check oldest audit constraints clean
+.PHONY: browser demo test fast long check examples docs outputs pictures notebooks readme demo-recording size release-check oldest audit constraints lock sbom clean
 
 demo: .venv/.demo
 	@mkdir -p out
@@ -98,6 +99,24 @@ constraints:
 	out/constraints-venv/bin/pip install --quiet hatchling editables "torch==2.13.0" ".[$(EXTRAS)]"
 	(sed '/^#/!d' constraints.txt; out/constraints-venv/bin/pip freeze --exclude gyronorth | sed 's/+cpu$$//') > out/constraints.txt
 	mv out/constraints.txt constraints.txt && rm -rf out/constraints-venv
+
+# The same pins with the checksum of every file, for `pip install --require-hashes -r requirements.lock`.
+USERS := $(filter-out dev,$(subst $(comma), ,$(EXTRAS)))
+lock:
+	rm -rf out/lock-venv && mkdir -p out && $(PYTHON) -m venv out/lock-venv
+	out/lock-venv/bin/pip install --quiet "uv==0.13.9"
+	out/lock-venv/bin/uv pip compile --quiet --universal --generate-hashes --no-annotate --no-header \
+		--python-version 3.11.5 --constraint constraints.txt $(USERS:%=--extra %) pyproject.toml -o out/requirements.lock
+	(sed '/^#/!d' requirements.lock; cat out/requirements.lock) > out/lock && mv out/lock requirements.lock
+	rm -rf out/lock-venv out/requirements.lock
+
+# What the program brings along, as CycloneDX: every package of requirements.lock with its checksums.
+sbom:
+	rm -rf out/sbom-venv && mkdir -p out && $(PYTHON) -m venv out/sbom-venv
+	out/sbom-venv/bin/pip install --quiet "cyclonedx-bom==7.5.0"
+	out/sbom-venv/bin/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible -o out/sbom.json requirements.lock
+	rm -rf out/sbom-venv
+	@echo "The list is in out/sbom.json"
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed; give one with PYTHON=..., found " + sys.version)'

@@ -1,6 +1,7 @@
 """Run all benchmarks, or those named: `python -m benchmarks [generation allan ...] [--rounds N] [--json FILE]`.
 
-`python -m benchmarks league` compares errors and claims, not times. One thread, CPU time, candidates interleaved;
+`python -m benchmarks league` compares errors and claims, not times; `samples` shows cost and memory against length.
+One thread, CPU time, candidates interleaved;
 exit code 1 if a promised ratio was missed.
 """
 
@@ -17,13 +18,13 @@ from pathlib import Path
 from benchmarks.comparison import Result, run
 
 #: Modules of this folder that compare nothing.
-OTHERS = ("__main__", "comparison", "league", "live_soak")
+OTHERS = ("__main__", "comparison", "league", "live_soak", "samples")
 
 
 def main() -> int:
     """Run, print, and tell whether every promise was kept."""
-    if sys.argv[1:2] == ["league"]:
-        return importlib.import_module("benchmarks.league").main(sys.argv[2:])
+    if sys.argv[1:2] in (["league"], ["samples"]):
+        return importlib.import_module(f"benchmarks.{sys.argv[1]}").main(sys.argv[2:])
     package = Path(__file__).parent
     found = [m.name for m in pkgutil.iter_modules([str(package)]) if m.name not in OTHERS]
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Speed beside peers, as ratios.")

@@ -34,7 +34,7 @@ def recorded(*, heading=1.0, seed=0, duration=70.0, **more):
 def output(name):
     """An output of each kind."""
     if name == "heading-1":
-        return gn.heading(recorded(), sensor="isa100c").to_json()
+        return gn.heading(recorded(), sensor="isa100c").to_json(posterior=True)
     if name == "plan-1":
         return plan("sdc500", latitude=LATITUDE).to_json()
     if name == "allan-1":

@@ -137,6 +137,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),
     FindingInfo("saturated", "reason", "the sensor is at its limit", "An output reached the end of its range."),
+    FindingInfo("hung_axis", "reason", "an axis does not change", "An axis of the unit is dead, or hung for a while."),
+    FindingInfo("gravity", "reason", "no gravity", "The accelerometer does not show gravity."),
+    FindingInfo("gimbal", "reason", "points up or down", "The forward axis stands too steeply to have a heading."),
     FindingInfo("not_finite", "reason", "not a number", "What was worked out is no number."),
     FindingInfo(
         "network_contradicts", "reason", "network and Earth rate differ", "The network contradicts the mean rate."
@@ -154,6 +157,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("axes_assumed", "warning", "axes assumed", "Nobody says which way the axes point."),
     FindingInfo("bias_unknown", "warning", "no profile", "The size of the gyro's errors is inferred."),
     FindingInfo("assumed_level", "warning", "taken as level", "There is no accelerometer and no given attitude."),
+    FindingInfo("accelerometer_beside", "warning", "force left out", "A file of the accelerometer was left out."),
     FindingInfo("swaying", "warning", "swaying", "The attitude swayed, or its tilt changed."),
     FindingInfo("rows_dropped", "warning", "rows left out", "Rows that could not be read were left out."),
     FindingInfo("gaps_bridged", "warning", "samples bridged", "Samples were missing and are bridged."),
@@ -167,6 +171,9 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("configuration_changed", "warning", "set anew", "The unit sent another configuration on the way."),
     FindingInfo("layout_changed", "warning", "other messages", "The unit sends other messages than at the start."),
     FindingInfo("cut_off", "warning", "file cut off", "The file states more samples than it has."),
+    FindingInfo(
+        "alignment_offset", "warning", "alignment offset set", "The heading is the vehicle's, not the unit's."
+    ),
     FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),
     FindingInfo("deviation_unused", "warning", "deviation curve unused", "A deviation curve was not applied."),
     FindingInfo("profile_scaled", "warning", "beyond its profile", "The unit behaves as several times its profile."),

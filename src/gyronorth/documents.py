@@ -5,7 +5,7 @@ A field is never taken away or given another meaning within one version of a sch
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NotRequired
 
 from typing_extensions import TypedDict
 
@@ -49,6 +49,13 @@ class DisturbanceDocument(TypedDict):
     drift_probability: float
 
 
+class DensityDocument(TypedDict):
+    """Density of the heading: angles evenly apart, clockwise."""
+
+    heading_deg: list[float]
+    density_per_deg: list[float]
+
+
 class HeadingDocument(TypedDict):
     """`gyronorth heading --json`."""
 
@@ -81,6 +88,7 @@ class HeadingDocument(TypedDict):
     disturbance: DisturbanceDocument | None
     fitness: Literal["aligning", "degraded", "valid", "invalid"]
     orientation: OrientationDocument | None
+    posterior: NotRequired[DensityDocument | None]
 
 
 class PlanDocument(TypedDict):
@@ -217,6 +225,7 @@ class LiveState(TypedDict):
     fitness: Literal["aligning", "degraded", "valid", "held", "invalid"]
     age_s: float | None
     held_s: float | None
+    alignment_deg: float
     rate_of_turn_deg_min: float | None
     replay: bool
     source: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import degrees, inf, isfinite
 from typing import Any, Literal
 
@@ -84,6 +84,21 @@ class DisturbanceFound:
         }
 
 
+@dataclass(frozen=True)
+class HeadingDensity:
+    """What is believed of the heading, as a density: the method `posterior` gives one."""
+
+    heading: Array  # (k,) rad in [0, 2 pi), evenly apart over the part of the circle that holds the mass
+    density: Array  # (k,) 1/rad; its integral over the circle is 1
+
+    def to_json(self) -> dict[str, list[float]]:
+        """The object `posterior` of the JSON, in degrees."""
+        return {
+            "heading_deg": [round(float(angle), 6) for angle in np.degrees(self.heading)],
+            "density_per_deg": [float(f"{value:.6g}") for value in np.radians(self.density)],
+        }
+
+
 @dataclass(frozen=True, repr=False)
 class HeadingEstimate:
     """The heading of one recording, its uncertainty and the verdict on it. SI and radians."""
@@ -112,6 +127,7 @@ class HeadingEstimate:
     implied_latitude: float | None  # asin(-w_down / |w|), rad
     disturbance: DisturbanceFound | None = None  # where a method was tried that models disturbance
     checks: tuple[Check, ...] = ()  # every gate that judged the heading, passed or not
+    posterior: HeadingDensity | None = field(default=None, compare=False)  # of the method `posterior`
 
     @property
     def valid(self) -> bool:
@@ -163,7 +179,7 @@ class HeadingEstimate:
             "numbers beyond reason in the recording, its profile or its bundle."
         )
         reasons = (*self.reasons, Finding("not_finite", message))
-        return replace(self, heading=None, sigma=None, interval95=(0.0, 2 * np.pi), reasons=reasons)
+        return replace(self, heading=None, sigma=None, interval95=(0.0, 2 * np.pi), reasons=reasons, posterior=None)
 
     @property
     def gyro_bias(self) -> tuple[float, float, float] | None:
@@ -244,9 +260,13 @@ class HeadingEstimate:
         cells = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in rows)
         return f"<table>{cells}</table>"
 
-    def to_json(self) -> dict[str, Any]:
-        """The object that `heading --json` prints (schema gyronorth.heading/1), in degrees."""
+    def to_json(self, *, posterior: bool = False) -> dict[str, Any]:
+        """The object that `heading --json` prints (schema gyronorth.heading/1), in degrees; the density on request.
+
+        `posterior` is null where the method gives no density.
+        """
         deg, errors = _degrees, self.sensor_errors
+        density = None if self.posterior is None else self.posterior.to_json()
         return {
             "schema": "gyronorth.heading/1",
             "heading_deg": deg(self.heading),
@@ -279,6 +299,7 @@ class HeadingEstimate:
             "disturbance": None if self.disturbance is None else self.disturbance.to_json(),
             "fitness": self.fitness,
             "orientation": None if (found := self.orientation) is None else found.to_json(),
+            **({"posterior": density} if posterior else {}),
         }
 
 

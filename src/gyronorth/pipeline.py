@@ -6,9 +6,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment import registry, verdict
 from gyronorth.alignment.problem import Problem
@@ -29,7 +30,7 @@ GROUP_SAMPLES = 1_500_000
 
 
 def heading(
-    recording: Recording | str | os.PathLike[str] | ArrayLike,
+    recording: Recording | str | os.PathLike[str] | ArrayLike | Sequence[Recording],
     *,
     rate_hz: float | None = None,
     accel_b: ArrayLike | None = None,
@@ -39,6 +40,7 @@ def heading(
     model: str | Path | None = None,
     attitude: tuple[float, float] | None = None,
     turn_angles: Sequence[float] | None = None,
+    turn_angle_sigma: float | None = None,
     deviation: DeviationModel | None = None,
     require_sigma: float | None = None,
 ) -> HeadingEstimate:
@@ -46,9 +48,10 @@ def heading(
 
     Parameters
     ----------
-    recording : Recording, path, or array_like of shape (n, 3)
+    recording : Recording, path, array_like of shape (n, 3), or list of Recording
         Angular rate and, if there is one, specific force: a recording, a file that `read` opens with nothing
-        declared, or the angular rate in the body frame, rad/s.
+        declared, or the angular rate in the body frame, rad/s. A list: each one still pose of the same power-up, in
+        order of time, with the `turn_angles` between them; the heading is that of the last.
     rate_hz : float, optional
         Sample rate of an array, Hz.
     accel_b : array_like, shape (n, 3), optional
@@ -68,6 +71,8 @@ def heading(
     turn_angles : sequence of float, optional
         Angles of the turns between poses, rad, clockwise from above, as an index table gives
         them; without them the gyro measures them.
+    turn_angle_sigma : float, optional
+        Standard deviation of one of them, rad; without it, from what the gyro measures of the turns.
     deviation : DeviationModel, optional
         Deviation curve, applied to the closed form where `deviation.covers(recording.session)`.
     require_sigma : float, optional
@@ -84,7 +89,13 @@ def heading(
         unknown or cannot work on this recording; or the heading would be valid but for a note
         of the reader that wants a declaration (`Finding.blocking`).
     """
-    recording = _as_recording(recording, rate_hz, accel_b)
+    poses = _poses_of(recording)
+    if poses is None:
+        recording, segments = _as_recording(recording, rate_hz, accel_b), None  # type: ignore[arg-type]
+    else:
+        from gyronorth.alignment.turned.joined import joined
+
+        recording, segments = joined(poses, turn_angles)
     problem = Problem(
         recording.gyro_b,
         recording.accel_b,
@@ -93,8 +104,9 @@ def heading(
         None if sensor is None else read_sensor(sensor),
         attitude,
         recording.session,
+        segments,
     )
-    result = registry.solve(method, problem, _options(model, turn_angles, deviation))
+    result = registry.solve(method, problem, _options(model, turn_angles, deviation, turn_angle_sigma))
     marked = tuple(note for note in recording.notes if note.code in REASONS)
     notes = tuple(note for note in recording.notes if note not in marked)
     found = verdict.estimate(problem, result, notes=notes, start_time_utc=recording.start_time_utc)
@@ -140,7 +152,8 @@ def heading_batch(
     ----------
     gyro_b, accel_b : array_like, shape (recordings, samples, 3)
         Angular rate, rad/s, and specific force, m/s^2; without the latter the unit is taken
-        as level.
+        as level. Of any kind of real number, and larger than the memory where they are `numpy.memmap`: some
+        recordings are worked at a time, and no more of them is read.
     rate_hz : float
         Sample rate, Hz.
     latitude : float
@@ -162,14 +175,18 @@ def heading_batch(
         If a value is not finite, there are no samples, the rate is not positive or the
         latitude out of range, the method is unknown or needs an accelerometer.
     """
-    gyro = np.asarray(gyro_b, dtype=float)
-    accel = None if accel_b is None else np.asarray(accel_b, dtype=float)
+    gyro = np.asarray(gyro_b)
+    accel = None if accel_b is None else np.asarray(accel_b)
     if gyro.ndim != 3 or gyro.shape[-1] != 3 or (accel is not None and accel.shape != gyro.shape):
         raise ValueError(
             f"gyro_b has shape {gyro.shape}, accel_b {None if accel is None else accel.shape}; "
             "(recordings, samples, 3) is expected of both."
         )
-    _check_batch({"gyro_b": gyro} if accel is None else {"gyro_b": gyro, "accel_b": accel}, rate_hz)
+    if not 0 < rate_hz < np.inf:
+        raise InputError(f"The rate is {rate_hz:g} Hz; a positive number is expected.")
+    for name, array in (("gyro_b", gyro), ("accel_b", accel)):
+        if array is not None and array.size == 0:
+            raise InputError(f"{name} has shape {array.shape}; at least one recording with samples is expected.")
     _check_latitude(latitude)
     options = _options(model, None, None)
     _check_session(method, options)
@@ -177,8 +194,9 @@ def heading_batch(
     group = max(1, GROUP_SAMPLES // gyro.shape[1])
     pieces: list[HeadingBatch] = []
     for start in range(0, len(gyro), group):
-        part = slice(start, start + group)
-        problem = Problem(gyro[part], None if accel is None else accel[part], rate_hz, latitude, profile)
+        rate = _finite("gyro_b", gyro, start, group)
+        force = None if accel is None else _finite("accel_b", accel, start, group)
+        problem = Problem(rate, force, rate_hz, latitude, profile)
         pieces.append(verdict.batch(problem, registry.solve_batch(method, problem, options)))
     return HeadingBatch(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in vars(pieces[0])))
 
@@ -226,6 +244,15 @@ def convergence(
     )
 
 
+def _poses_of(source: object) -> list[Recording] | None:
+    """The recordings of a list of them; None where the source is one recording."""
+    given: list[object] = list(source) if isinstance(source, list | tuple) else []  # type: ignore[arg-type]
+    found = [one for one in given if isinstance(one, Recording)]
+    if found and len(found) < len(given):
+        raise InputError("Poses of several recordings are a list of nothing but recordings; read each file first.")
+    return found or None
+
+
 def _as_recording(
     source: Recording | str | os.PathLike[str] | ArrayLike, rate_hz: float | None, accel_b: ArrayLike | None
 ) -> Recording:
@@ -247,10 +274,13 @@ def _as_recording(
 
 
 def _options(
-    model: str | Path | None, turn_angles: Sequence[float] | None, deviation: DeviationModel | None
+    model: str | Path | None,
+    turn_angles: Sequence[float] | None,
+    deviation: DeviationModel | None,
+    turn_angle_sigma: float | None = None,
 ) -> Options:
     angles = None if turn_angles is None else tuple(float(angle) for angle in turn_angles)
-    return Options(None if model is None else Path(model), angles, deviation)
+    return Options(None if model is None else Path(model), angles, turn_angle_sigma, deviation)
 
 
 def _check_session(method: str, options: Options) -> None:
@@ -273,15 +303,13 @@ def _check_latitude(latitude: float) -> None:
         )
 
 
-def _check_batch(arrays: dict[str, Array], rate_hz: float) -> None:
-    if not 0 < rate_hz < np.inf:
-        raise InputError(f"The rate is {rate_hz:g} Hz; a positive number is expected.")
-    for name, array in arrays.items():
-        if array.size == 0:
-            raise InputError(f"{name} has shape {array.shape}; at least one recording with samples is expected.")
-        if not np.isfinite(array).all():
-            run, sample, axis = np.argwhere(~np.isfinite(array))[0]
-            raise InputError(
-                f"{name}[{run}, {sample}, {axis}] is {array[run, sample, axis]}; finite numbers are expected. "
-                "Leave that recording out, or repair it."
-            )
+def _finite(name: str, array: NDArray[Any], start: int, count: int) -> Array:
+    """Some recordings of a batch as doubles."""
+    part = np.asarray(array[start : start + count], dtype=float)
+    if not np.isfinite(part).all():
+        run, sample, axis = np.argwhere(~np.isfinite(part))[0]
+        raise InputError(
+            f"{name}[{start + run}, {sample}, {axis}] is {part[run, sample, axis]}; finite numbers are expected. "
+            "Leave that recording out, or repair it."
+        )
+    return part

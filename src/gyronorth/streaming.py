@@ -171,7 +171,7 @@ class StreamingHeading:
 
     def _solved(self, problem: Problem, method: str) -> HeadingEstimate:
         """The estimate of the rows, with the peaks and the rate of the samples that they are made of."""
-        options = Options(self._model, None, self._deviation)
+        options = Options(self._model, deviation=self._deviation)
         result = registry.solve(method, problem, options)
         return verdict.estimate(problem, result, peaks=self.store.peaks, rate_hz=self.rate_hz)
 

@@ -71,8 +71,7 @@ def horizontal_rate_variance(
     latitude, duration = np.broadcast_arrays(np.asarray(latitude, dtype=float), np.asarray(duration, dtype=float))
     gravity = normal_gravity(latitude)
     gyro = rate_variance(sensor.gyro, duration, weighting="mean" if method == "mean" else "slope")
-    level = rate_variance(sensor.accel, duration)
-    tilt = (level["noise"] + level["drift"] + level["turn_on_bias"]) / gravity**2
+    tilt = tilt_variance(sensor, latitude=latitude, duration=duration)
     constant = (sensor.g_sensitivity * gravity) ** 2 + (
         sensor.gyro.scale_factor**2 + sensor.gyro.misalignment**2
     ) * EARTH_RATE**2
@@ -80,13 +79,20 @@ def horizontal_rate_variance(
         "noise": gyro["noise"],
         "drift": gyro["drift"],
         "turn_on_bias": gyro["turn_on_bias"] + constant,
-        "levelling": (tilt + sensor.accel.misalignment**2) * (EARTH_RATE * np.sin(latitude)) ** 2,
+        "levelling": tilt * (EARTH_RATE * np.sin(latitude)) ** 2,
     }
     if method == "inertial":
         slope = rate_variance(sensor.accel, duration, weighting="ramp")
         parts["noise"] = parts["noise"] + slope["noise"] / gravity**2
         parts["drift"] = parts["drift"] + slope["drift"] / gravity**2
     return parts
+
+
+def tilt_variance(sensor: Sensor, *, latitude: ArrayLike, duration: ArrayLike) -> Array:
+    """Variance of the direction of gravity in the body, about each of two axes, rad^2."""
+    level = rate_variance(sensor.accel, np.asarray(duration, dtype=float))
+    noise = level["noise"] + level["drift"] + level["turn_on_bias"]
+    return np.asarray(noise / normal_gravity(latitude) ** 2 + sensor.accel.misalignment**2)
 
 
 def heading_sigma_parts(

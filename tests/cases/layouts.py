@@ -19,6 +19,7 @@ OURS = "t,w_x,w_y,w_z,f_x,f_y,f_z"
 STATED = ("# gyro_unit: deg/s", "# accel_unit: m/s2", "# axes: frd")
 TITLED = "Time (s),Gyro X (deg/s),Gyro Y (deg/s),Gyro Z (deg/s),Acc X (m/s^2),Acc Y (m/s^2),Acc Z (m/s^2)"
 FLU = np.array([1.0, -1.0, -1.0])
+AXES = ("forward", "right", "down")
 
 
 @dataclass(frozen=True)
@@ -285,6 +286,67 @@ def of_values() -> list[Layout]:
     ]  # fmt: skip
 
 
+def of_other_words() -> list[Layout]:
+    """Axes in words, counters that overflow, counts without a scale, titles in another language."""
+    body = ("Longitudinal", "Lateral", "Vertical")
+    german = [[f"{value:.10f}".replace(".", ",") for value in column] for column in PLAIN]
+    counts = (np.round(DPS * 3600 / 0.01), np.round(G * 262000))
+    scales = (("HZ", "100"), ("DEG_PER_S_IN_ONE_COUNT", repr(0.01 / 3600)))
+    return [
+        Layout(
+            "rates_and_directions.csv",
+            text(
+                titled(
+                    "time (s)",
+                    *(f"{name} Rate (deg/s)" for name in ("Roll", "Pitch", "Yaw")),
+                    *(f"{a} Acc (m/s2)" for a in body),
+                )
+            ),
+            FRD,
+        ),
+        Layout(
+            "forward_right_down.csv",
+            text(
+                titled(
+                    "time (s)",
+                    *(f"{kind}_{a} ({unit})" for kind, unit in (("gyro", "deg/s"), ("acc", "m/s2")) for a in AXES),
+                )
+            ),
+            FRD,
+        ),
+        Layout(
+            "counter_of_16_bits.csv",
+            text(
+                ["Sample rate: 100 Hz", "Counter," + TITLED.partition(",")[2]],
+                with_time([str((65000 + i) % 65536) for i in range(ROWS)]),
+                TEXT_TIME,
+            ),
+            FRD,
+        ),
+        Layout(
+            "counts_out.csv",
+            text(
+                titled("Sample", *(f"{a}_{sensor}_OUT" for sensor in ("GYRO", "ACCL") for a in "XYZ")),
+                ([str(i) for i in range(ROWS)], *counts[0].T, *counts[1].T),
+                ("%s", *["%.0f"] * 6),
+            ),
+            FRD,
+            asks=True,
+            fill=scales,
+        ),
+        Layout(
+            "zeit.csv",
+            text(
+                ["Zeit;Drehrate X;Drehrate Y;Drehrate Z;Beschl. X;Beschl. Y;Beschl. Z", "s;°/s;°/s;°/s;m/s²;m/s²;m/s²"],
+                german,
+                ["%s"] * 7,
+                sep=";",
+            ),
+            FRD,
+        ),
+    ]
+
+
 def of_programs() -> list[Layout]:
     """Files of programs: read by a preset, or by their titles."""
     ns = whole(1e9, 17 * 10**17)
@@ -341,4 +403,4 @@ def of_programs() -> list[Layout]:
     ]  # fmt: skip
 
 
-LAYOUTS = [*of_the_sniffer(), *of_titles(), *of_times(), *of_values(), *of_programs()]
+LAYOUTS = [*of_the_sniffer(), *of_titles(), *of_times(), *of_values(), *of_other_words(), *of_programs()]

@@ -102,6 +102,14 @@ class TestHeading:
         assert doc["valid"] is False
         assert {"code", "message", "value", "limit"} == set(doc["reasons"][0])
 
+    def test_density_on_request(self, rec):
+        _, plain = run_json("heading", rec, "--sensor", "hg9900", "--json")
+        code, doc = run_json("heading", rec, "--sensor", "hg9900", "--json", "--posterior")
+        assert code == 0
+        assert "posterior" not in plain
+        assert len(doc["posterior"]["heading_deg"]) == len(doc["posterior"]["density_per_deg"]) == 256
+        assert run("heading", rec, "--sensor", "hg9900", "--posterior").exit_code == 2
+
     def test_nmea(self, rec):
         result = run("heading", rec, "--sensor", "hg9900", "--nmea")
         ths, hdt, status = (NMEAReader.parse(line + "\r\n") for line in result.stdout.split())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 import re
@@ -74,6 +75,6 @@ def _in_document(content: bytes, rng: random.Random) -> bytes:
                 case 1 if isinstance(place[key], int | float) and not isinstance(place[key], bool):
                     place[key] *= rng.choice((-1, 0, 1e9, 1e-9, 1e300))
                 case _:
-                    place[key] = rng.choice(VALUES)
+                    place[key] = copy.deepcopy(rng.choice(VALUES))  # the next change may be within it
             break
     return json.dumps(document).encode()

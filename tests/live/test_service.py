@@ -18,6 +18,9 @@ import pytest
 from live_stream import HEAD, rows_in, seconds, session_of, timed_rows
 from typer.testing import CliRunner
 from unit_at_rest import unit
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from gyronorth.cli import app
 from gyronorth.live.metrics import metrics_text
@@ -87,7 +90,21 @@ def test_programs_are_served_without_a_page(tmp_path):
         with urllib.request.urlopen(f"{address}api/stream?hz=20", timeout=20) as stream:
             lines = (line.decode() for line in stream)
             documents = (json.loads(line.removeprefix("data: ")) for line in lines if line.startswith("data: "))
-            assert any(document.get("heading_deg") for document in documents)
+            before = next(document for document in documents if document.get("heading_deg"))
+        asked = urllib.request.Request(f"{address}api/alignment?deg=90", method="POST")
+        with urllib.request.urlopen(asked, timeout=20) as answer:
+            assert json.load(answer) == {"alignment_deg": 90.0}
+        for wrong in ("200", "nan"):
+            with pytest.raises(urllib.error.HTTPError, match="422"):
+                urllib.request.urlopen(f"{address}api/alignment?deg={wrong}", data=b"", timeout=20)
+        with connect(f"{address.replace('http', 'ws')}api/socket?hz=20", origin=Origin(address.rstrip("/"))) as socket:
+            received = (json.loads(text) for text in socket)
+            after = next(document for document in received if document["live"]["alignment_deg"] == 90.0)
+        assert "alignment_offset" in {warning["code"] for warning in after["warnings"]}
+        off = (after["heading_deg"] - before["heading_deg"] - 90 + 180) % 360 - 180
+        assert abs(off) < 4 * (before["sigma_deg"] + after["sigma_deg"])
+        with pytest.raises(InvalidStatus):
+            connect(f"{address.replace('http', 'ws')}api/socket", origin=Origin("http://elsewhere.example"))
         with urllib.request.urlopen(f"{address}metrics", timeout=20) as answer:
             assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
             assert b"\ngyronorth_heading_degrees " in answer.read()

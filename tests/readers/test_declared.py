@@ -301,3 +301,11 @@ def test_our_own_files_are_believed(tmp_path):
         read(csv_file(tmp_path, rows, comments=comments, header=header))
     ours = ["# format: gyronorth.recording/1", *comments]
     assert np.linalg.norm(read(csv_file(tmp_path, rows, comments=ours, header=header)).gyro_b.mean(0)) > 50 * EARTH_RATE
+
+
+def test_whole_numbers_too_large_for_their_unit_are_called_counts(tmp_path):
+    rows = np.column_stack([np.arange(100) / RATE_HZ, np.tile([3, -2, 1, 0, 0, -16384], (100, 1))])
+    path = tmp_path / "counts.csv"
+    np.savetxt(path, rows, delimiter=",", header=",".join(TITLES), comments="")
+    with pytest.raises(InputError, match=r"as counts are.*--gyro-scale and --accel-scale"):
+        read(path, gyro_unit="deg/s", accel_unit="m/s2")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -80,3 +82,29 @@ def test_columns_go_to_the_file_that_holds_them(tmp_path):
     assert len(read(gyro, window=(2.0, 3.0), **how).gyro_b) == 100
     with pytest.raises(InputError, match="There is no file"):
         read(gyro, **(how | {"accel_file": tmp_path / "none.csv"}))
+
+
+@pytest.mark.parametrize(
+    ("gyro", "accel"),
+    [("gyro-0.csv", "accel-0.csv"), ("Gyroscope.csv", "Accelerometer.csv"), ("a GYR 1.csv", "a ACC 1.csv")],
+)
+def test_the_accelerometer_beside_is_named_and_the_line_to_try_takes_it(tmp_path, gyro, accel):
+    path = table(tmp_path / gyro, "t,w_x,w_y,w_z", TIME, GYRO)
+    table(tmp_path / accel, "t,f_x,f_y,f_z", TIME, force(TIME))
+    alone = read(path, **SI)
+    assert alone.accel_b is None
+    assert [note.code for note in alone.notes] == ["accelerometer_beside"]
+    with pytest.raises(InputError, match="beside it is likely its accelerometer") as caught:
+        read(path)
+    words = shlex.split(str(caught.value).splitlines()[-1])
+    assert words[words.index("--accel") + 1] == str(tmp_path / accel)
+    assert_allclose(read(path, accel_file=tmp_path / accel, **SI).accel_b, force(TIME), rtol=1e-12)
+
+
+def test_of_two_candidates_and_of_other_names_none_is_named(tmp_path):
+    path = table(tmp_path / "gyro.csv", "t,w_x,w_y,w_z", TIME, GYRO)
+    for name in ("acc.csv", "accel.csv"):
+        table(tmp_path / name, "t,f_x,f_y,f_z", TIME, force(TIME))
+    gyration = table(tmp_path / "gyration.csv", "t,w_x,w_y,w_z", TIME, GYRO)
+    assert not read(path, **SI).notes
+    assert not read(gyration, **SI).notes

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from still import SI, csv_file, csv_rows, rows_of, still
 
 from gyronorth.errors import InputError
-from gyronorth.readers import read, read_chunks
+from gyronorth.readers import read, read_chunks, text
 from gyronorth.recording import Gap
 
 
@@ -235,7 +235,8 @@ def test_chunks_concatenated_are_the_whole(tmp_path, chunk_samples):
     assert (info.format, info.gyro_unit, info.accel_unit, info.axes) == ("csv", "rad/s", "m/s2", "frd")
 
 
-def test_a_bad_row_ends_the_chunks(tmp_path):
+def test_a_bad_row_ends_the_chunks(tmp_path, monkeypatch):
+    monkeypatch.setattr(text, "BLOCK_BYTES", 1 << 20)
     rows = csv_rows(40_000)
     rows[30_000] = "broken\n"
     _, chunks = read_chunks(csv_file(tmp_path, rows), chunk_samples=5000)
@@ -245,7 +246,8 @@ def test_a_bad_row_ends_the_chunks(tmp_path):
         list(chunks)
 
 
-def test_chunks_bound_the_memory(tmp_path):
+def test_chunks_bound_the_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(text, "BLOCK_BYTES", 1 << 20)
     # 120,000 rows are 17 MB of text and 5.8 MB of numbers. One block of a MiB is held as bytes, as text, as
     # lines and as numbers, with its predecessor's: some 8 MiB whatever the length of the file.
     path = csv_file(tmp_path, csv_rows(120_000), comments=[*SI, "# rate_hz: 100"])

@@ -18,7 +18,7 @@ from gyronorth.allan import allan_deviation
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.catalogue import NMEA_SETS
 from gyronorth.errors import InputError
-from gyronorth.estimate import Convergence, DisturbanceFound, HeadingEstimate, Pose, Turn
+from gyronorth.estimate import Convergence, DisturbanceFound, HeadingDensity, HeadingEstimate, Pose, Turn
 from gyronorth.findings import Finding
 from gyronorth.many.table import STAMPS, write_table
 from gyronorth.report import figures, nmea, tables, terminal, wording
@@ -371,6 +371,17 @@ def test_page_shows_the_disturbance_that_was_found():
     assert "bias random walk, probability" not in cells
     assert "by plain averaging, not by learned" in page
     assert ">Disturbance<" not in heading_page(Outcome("a.csv", VALID), CONVERGENCE)
+
+
+def test_page_draws_the_density_on_the_compass():
+    angle = np.radians(np.array([350.0, 0.0, 10.0]))
+    found = replace(VALID, posterior=HeadingDensity(angle, np.array([1.0, 2.0, 1.0])))
+    path = re.search(r'class="density" d="M([^"]*) Z"', heading_page(Outcome("a.csv", found), CONVERGENCE))
+    points = [tuple(map(float, point.split())) for point in path[1].split(" L")]
+    # Outwards of the circle of radius 80 by 18 at the highest value, half of it beside; then back along the circle.
+    assert np.hypot(*np.transpose(points)) == pytest.approx([89, 98, 89, 80, 80, 80], abs=0.02)
+    assert points[1] == (0.0, -98.0)
+    assert 'class="density"' not in heading_page(Outcome("a.csv", VALID), CONVERGENCE)
 
 
 def test_turns_are_taken_out_of_the_heading_against_time():

@@ -38,11 +38,15 @@ def variance_of_mean(variance, tau, duration):
 
 
 def test_built_in_profiles_cover_the_classes_and_read_by_any_case():
-    assert sensor_names() == ("adis16495", "bmi088", "hg4930", "hg9900", "isa100c", "sdc500", "stim300")
+    assert sensor_names() == (
+        "adis16495", "blueseis-3a", "bmi088", "hg1700", "hg4930", "hg9900", "isa100c", "kvh-1750", "kvh-1775", "ln-200",
+        "mti-600", "sdc500", "stim300", "vn-100",
+    )  # fmt: skip
     for name in sensor_names():
         sensor = read_sensor(name)
         assert sensor.name == name == read_sensor(name.upper()).name
-        assert min(sensor.gyro.white, sensor.gyro.turn_on_bias, sensor.accel.white) > 0
+        assert min(sensor.gyro.white, sensor.gyro.turn_on_bias) > 0
+        assert (sensor.accel.white > 0) == (name != "blueseis-3a"), "it has no accelerometer"
         assert len(sensor.source) > 100, "a profile says where its figures come from"
         assert "ot verified" in sensor.source or "assumption" in sensor.source, "and which could not be verified"
     assert read_sensor(sensor) is sensor

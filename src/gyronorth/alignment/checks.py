@@ -36,6 +36,16 @@ _SHOWN = {
         "largest excursion of the integrated rate; limit of mean sqrt(sigma), sigma taken as 0.5 to 5.7 deg; of "
         "inertial 45 deg; of bayes and learned what sigma allows, at least 0.25 deg",
     ),
+    "gravity": (
+        "mean specific force against 1 g",
+        "g",
+        "of the norm of its mean; limit 0.1",
+    ),
+    "gimbal": (
+        "pitch",
+        "deg",
+        "of the forward axis; limit 89 deg, or arccos(10 sigma of the direction of gravity) where that is less",
+    ),
     "saturated": (
         "largest specific force",
         "g",

@@ -17,11 +17,18 @@ from gyronorth.uncertainty import (
     STUDENT1_975,
     STUDENT2_975,
     horizontal_rate_variance,
+    tilt_variance,
     von_mises,
 )
 
 #: Squared discrepancy, in units of known noise, that noise alone stays below in half of all records.
 NOISE_EXPLAINS = np.log(2)
+#: Turn-on bias over the profile's up to which the rate may differ from the Earth's, whatever a mixture allows for.
+MOST_SCALE = 3.0
+#: Error of level, rad, that is allowed for where no profile says it: an accelerometer bias of 2 mg.
+LEVEL_UNKNOWN = 2e-3
+#: Pitch, rad, up to which the heading of the forward axis is worked out; beyond it stands straight up or down.
+STEEPEST = np.radians(89.0)
 #: The same that noise alone exceeds in one record of 100.
 BIAS_EVIDENT = np.log(100)
 
@@ -32,9 +39,35 @@ def claimed_variance(problem: Problem, kind: Literal["mean", "inertial"]) -> dic
     claimed = horizontal_rate_variance(
         problem.sensor, latitude=problem.latitude, duration=problem.duration, method=kind
     )
-    if problem.accel_b is None:
-        claimed["levelling"] = np.zeros(())
+    claimed["levelling"] = levelling_variance(problem)
     return {name: np.broadcast_to(value, problem.shape) for name, value in claimed.items()}
+
+
+def level_sigma(problem: Problem) -> float:
+    """One standard deviation of roll cos(pitch) and of pitch, rad; 0 without an accelerometer."""
+    if problem.accel_b is None:
+        return 0.0
+    if problem.sensor is None:
+        return LEVEL_UNKNOWN
+    return float(np.sqrt(tilt_variance(problem.sensor, latitude=problem.latitude, duration=problem.duration)))
+
+
+def levelling_variance(problem: Problem) -> Array:
+    """Variance of a horizontal rate component that an error of level stands for, (rad/s)^2.
+
+    Notes
+    -----
+    With c = cos(pitch) an error f of the specific force across the forward axis rolls the unit by f / c, and the
+    heading of that axis by (tan(pitch) - tan(lat) cos(heading)) f; one along it by tan(lat) sin(heading) f. The sum of
+    squares, (tan^2(lat) + tan^2(pitch) - 2 tan(lat) tan(pitch) cos(heading)) s^2, grows without bound at the gimbal.
+    Without a profile the size of s is not known, and only what the pitch adds is counted.
+    """
+    north, down = horizontal_earth_rate(problem.latitude), EARTH_RATE * np.sin(problem.latitude)
+    raised = np.tan(np.clip(problem.mean.pitch, -STEEPEST, STEEPEST)) * north
+    square = raised**2
+    if problem.sensor is not None:
+        square = square + down**2 - 2 * down * raised * np.cos(problem.mean.heading)
+    return np.asarray(level_sigma(problem) ** 2 * square)
 
 
 def horizontal_earth_rate(latitude: float) -> float:
@@ -66,12 +99,13 @@ def concluded(
     # First-order scale: a rate error e turns a rate of size |h| by e / sqrt(|h| Omega cos lat).
     square = np.maximum(horizontal * signal, np.finfo(float).tiny)
     if problem.sensor is None:
-        known = np.maximum(sum(variance.values()), RATE_FLOOR**2)
+        tilted = variance["levelling"]  # a turn about the vertical is seen in neither discrepancy
+        known = np.maximum(sum(variance.values()) - tilted, RATE_FLOOR**2)
         scale, quantile = _inferred_scale(
             horizontal - signal, attitude.rate_l[..., 2], known, vertical, problem.latitude
         )
-        sigma, half = von_mises(square / known)
-        biased = np.minimum(quantile * scale / np.sqrt(square), np.pi)
+        sigma, half = von_mises(square / (known + tilted))
+        biased = np.minimum(np.sqrt(((quantile * scale) ** 2 + NORMAL_975**2 * tilted) / square), np.pi)
         half = np.where(quantile > 0, biased, half)
         sigma = np.where(quantile > 0, np.minimum(biased / NORMAL_975, SIGMA_UNKNOWN), sigma)
         whole = (quantile * scale / NORMAL_975) ** 2
@@ -82,6 +116,8 @@ def concluded(
         sigma, half = von_mises(square / total)
         yaw = problem.motion.yaw_variance
         upright = np.maximum(total - variance["levelling"] - variance["sway"], RATE_FLOOR**2) + yaw
+        down = EARTH_RATE * np.sin(problem.latitude)
+        total = total - variance["levelling"] + (level_sigma(problem) * down) ** 2
     limit = TURN_LIMITS[turn_limit](sigma)
     judged = Judged(attitude.rate_l, total, upright, limit)
     return Result(method, attitude, Posterior.symmetric(sigma, half), variance, np.sqrt(square), judged=judged)
@@ -121,6 +157,8 @@ def averaged_over_models(
     variance = {name: value * share for name, value in claimed.items()}
     variance["model"] = np.maximum(whole - total, 0.0)
     believed = np.maximum(whole, total)
+    if problem.sensor is not None:  # what the mixture does not know may not explain a bias that the profile forbids
+        believed = np.minimum(believed, total + (MOST_SCALE**2 - 1) * claimed["turn_on_bias"])
     limit = np.clip(posterior.sigma, KNOCK_ALLOWANCE, np.sqrt(MOTION_ALLOWANCE_MOST))
     limit = limit + EXCURSION_OVER_RMS * problem.motion.angle_limit
     judged = Judged(attitude.rate_l, believed, believed, limit)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gyronorth.alignment.error_budget import STEEPEST, level_sigma
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Mask
 from gyronorth.conditioning import GATE_SIGMA
@@ -29,6 +30,8 @@ WIDEST_HALF_WIDTH = np.pi / 2
 WIDEST_CONCENTRATION = 2.36
 #: Fewest samples and shortest time, s, from which a noise level can be read at all.
 FEWEST_SAMPLES, SHORTEST = 16, 2.0
+#: Error of roll, rad, up to which an error of level enters the heading to first order.
+LARGEST_ROLL_ERROR = 0.1
 #: Share of the sensor's range at which an output counts as saturated.
 SATURATION_SHARE = 0.999
 
@@ -165,6 +168,24 @@ def motion_gate(excursion: Array, limit: Array) -> Gate:
     )
 
 
+def gimbal_gate(pitch: Array, level_sigma: float) -> Gate:
+    """Pitch so near to 90 degrees that the forward axis has no heading, or none that an error of level leaves.
+
+    `level_sigma` is the standard deviation of the direction of gravity in the body, rad: over cos(pitch) it is that
+    of roll, and over cot(pitch) what it costs the heading (`error_budget.levelling_variance`).
+    """
+    limit = min(STEEPEST, float(np.arccos(min(level_sigma / LARGEST_ROLL_ERROR, 1.0))))
+    value = np.degrees(np.abs(pitch))
+    return Gate(
+        "gimbal",
+        "The forward axis points {value:.1f} deg up or down; beyond {limit:.1f} deg an error of level turns its "
+        "heading by too much. Likely the axes are declared wrong; else name another axis of the unit forward (--axes).",
+        value,
+        np.full_like(value, np.degrees(limit)),
+        value > np.degrees(limit),
+    )
+
+
 def length_finding(samples: int, duration: float) -> Finding | None:
     """Fewer samples or seconds than a noise level can be read from."""
     if samples >= FEWEST_SAMPLES and duration >= SHORTEST:
@@ -270,4 +291,5 @@ def judge(
         Largest output of gyro and accelerometer, where the problem's samples are means that do not show it.
     """
     saturated = saturation_gates(problem.sensor, peaks_of(problem) if peaks is None else peaks)
-    return judge_result(problem, result, names) + saturated
+    steep = [gimbal_gate(result.attitude.pitch, level_sigma(problem))] if result.known else []
+    return judge_result(problem, result, names) + steep + saturated

@@ -38,6 +38,8 @@ class Problem:
         Known roll and pitch, rad.
     session : str, optional
         Power-up session, which a deviation curve is asked about.
+    known_segments : Segments, optional
+        Poses and turns, where they need not be found.
     """
 
     gyro_b: Array
@@ -47,6 +49,7 @@ class Problem:
     sensor: Sensor | None = None
     attitude: tuple[float, float] | None = None
     session: str | None = None
+    known_segments: Segments | None = None
 
     @property
     def duration(self) -> float:
@@ -77,8 +80,10 @@ class Problem:
     @cached_property
     def segments(self) -> Segments:
         """Still poses and turns of one recording."""
+        if self.known_segments is not None:
+            return self.known_segments
         bias = None if self.sensor is None or self.sensor.gyro.turn_on_bias == 0 else self.sensor.gyro.turn_on_bias
-        return find_segments(self.gyro_b, rate_hz=self.rate_hz, turn_on_bias=bias)
+        return find_segments(self.gyro_b, self.accel_b, rate_hz=self.rate_hz, turn_on_bias=bias)
 
     def rate_l(self, to_hz: float | None = None) -> Array:
         """Angular rate in the level frame of the mean, rad/s, averaged down to `to_hz` where that is lower."""

@@ -40,6 +40,7 @@ class Options:
 
     bundle: Path | None = None  # trained networks; None: those that ship
     turn_angles: tuple[float, ...] | None = None  # of the turns between poses, rad, clockwise from above
+    turn_angle_sigma: float | None = None  # of one of them, rad; None: from what the gyro measures of the turns
     deviation: DeviationModel | None = None  # curve that corrects the closed form
 
 
@@ -132,6 +133,11 @@ def check(name: str, problem: Problem, options: Options) -> Method:
         )
     if options.turn_angles is not None and not info.takes_turn_angles:
         raise InputError(f"Turn angles belong to method turned, or auto; method {name} was given. Leave them out.")
+    sigma = options.turn_angle_sigma
+    if sigma is not None and options.turn_angles is None:
+        raise InputError("A sigma of the turn angles was given, but no turn angles. Give both, or leave it out.")
+    if sigma is not None and not 0 < sigma < np.inf:
+        raise InputError(f"The sigma of the turn angles is {sigma:g} rad; a positive angle is expected.")
     if problem.attitude is not None and not info.takes_attitude:
         raise InputError(
             f"Roll and pitch were given, but method {name} takes the attitude from the recording itself. "

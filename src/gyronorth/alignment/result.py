@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gyronorth.arrays import Array, Mask
-from gyronorth.estimate import DisturbanceFound, Pose, SensorErrors, Turn
+from gyronorth.estimate import DisturbanceFound, HeadingDensity, Pose, SensorErrors, Turn
 from gyronorth.findings import Finding
 from gyronorth.uncertainty import SIGMA_UNKNOWN
 
@@ -83,6 +83,7 @@ class Result:
     turns: tuple[Turn, ...] = ()
     sensor_errors: SensorErrors | None = None
     disturbance: DisturbanceFound | None = None
+    density: HeadingDensity | None = None
     bundle: str | None = None
     known: bool = field(default=True)  # False: there is no heading to report
 

@@ -28,7 +28,9 @@ def benchmark(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME", autocompletion=completion.benchmark, help="paper, published, turned, disturbed or stress."
+            metavar="NAME",
+            autocompletion=completion.benchmark,
+            help="paper, published, turned, disturbed, stress or real.",
         ),
     ],
     output: Annotated[
@@ -41,7 +43,8 @@ def benchmark(
     data: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="Your clone of the published recordings; by default their shipped reconstruction."
+            metavar="FOLDER",
+            help="Your recordings: a clone of the published ones (else their reconstruction), or those of real.",
         ),
     ] = None,
     scheduler: Annotated[
@@ -85,13 +88,15 @@ def benchmark(
     plan = StudyPlan(
         **{field.name: values[field.name] for field in fields(StudyPlan) if values[field.name] is not None}
     )
-    studies_of(name, tuple(study or ()))
-    passed_over = plan.source().get("data", {}).get("passed_over")  # both refuse before any work
+    chosen = studies_of(name, tuple(study or ()))
+    for one in chosen:
+        one.recordings(plan)  # both refuse before any work
+    passed_over = plan.source().get("data", {}).get("passed_over") if chosen[0].on_recordings else None
     told = [passed_over_text(passed_over) if passed_over else "", plan.cut_short() if name == "paper" else ""]
     for line in filter(None, told):
         typer.echo(line.replace("**", ""), err=True)
     if name == "paper":
-        jobs = [job for one in studies_of(name, tuple(study or ())) for job in one.units(plan)]
+        jobs = [job for one in chosen for job in one.units(plan)]
         typer.echo(told_before(jobs, output, workers), err=True)
     with (
         no_empty_folder(output),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from contextlib import ExitStack
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,8 +20,8 @@ from gyronorth.cli.many_options import (
     Windows,
     Workers,
     check_not_read,
-    kept_table,
 )
+from gyronorth.cli.many_run import TABLE_SUFFIXES, run_many, several
 from gyronorth.cli.options import (
     DEG_PER_HOUR,
     OUTPUT,
@@ -41,7 +40,8 @@ from gyronorth.cli.options import (
     with_reading,
     written,
 )
-from gyronorth.cli.progress import reading_file, recordings_done, working
+from gyronorth.cli.options import degrees as degrees_option
+from gyronorth.cli.progress import reading_file, working
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,9 +60,7 @@ SHORTEST_ALLAN = 100
 
 #: Exit codes.
 VALID, REFUSED = 0, 3
-TABLE_SUFFIXES, PAGE_SUFFIXES = (".csv", ".parquet", ".pq"), (".html", ".htm")
-#: Most rows that are printed; of more, the summary alone.
-SHOWN = 500
+PAGE_SUFFIXES = (".html", ".htm")
 
 
 @app.command()
@@ -72,6 +70,10 @@ def heading(
     sensor: SensorName = None,
     method: MethodName = "auto",
     as_json: Json = False,
+    posterior: Annotated[
+        bool,
+        typer.Option("--posterior", help="Put the density of the heading into the JSON.", rich_help_panel=OUTPUT),
+    ] = False,
     csv: Annotated[
         Path | None,
         typer.Option(metavar="OUT.csv", help="Write a table, one row per recording.", rich_help_panel=OUTPUT),
@@ -110,6 +112,23 @@ def heading(
             rich_help_panel=SITE,
         ),
     ] = None,
+    turn_angle_sigma_deg: Annotated[
+        Any,
+        typer.Option(
+            metavar="DEG",
+            parser=degrees_option("a positive angle in degrees", "0.1", low=1e-6),
+            help="Sigma of one of --turn-angles; else it is inferred from what the gyro measures.",
+            rich_help_panel=SITE,
+        ),
+    ] = None,
+    poses: Annotated[
+        bool,
+        typer.Option(
+            "--poses",
+            help="The files are poses of one unit, in order of time; give --turn-angles too.",
+            rich_help_panel=SITE,
+        ),
+    ] = False,
     deviation: Deviation = None,
     any_session: AnySession = False,
     require_sigma: RequireSigma = None,
@@ -123,18 +142,22 @@ def heading(
     """
     from gyronorth.errors import InputError
     from gyronorth.many import Request
-    from gyronorth.many.sources import names_one, recordings
+    from gyronorth.many.sources import recordings
 
     if as_json and nmea:
         raise InputError("--json and --nmea both print to standard output; give one of them.")
+    if posterior and not as_json:
+        raise InputError("--posterior puts the density of the heading into the JSON; add --json.")
     if (roll is None) != (pitch is None):
         raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
+    outputs: dict[str, tuple[Path | None, tuple[str, ...]]]
     outputs = {"--csv": (csv, ()), "--out": (out, TABLE_SUFFIXES), "--plot": (plot, PLOT_SUFFIXES)}
-    many = len(sources) > 1 or resume or windows is not None or not names_one(sources[0])
+    many = poses or windows is not None or several(sources, resume=resume)
     check_outputs(outputs | {"--report": (report, PAGE_SUFFIXES)}, source=None if many else Path(sources[0]))
     kept = _table_to_keep(csv, out, resume=resume, as_json=as_json)
     if many:
-        single = [name for name, given in (("--plot", plot), ("--report", report), ("--nmea", nmea)) if given]
+        of_one = (("--nmea", nmea), ("--posterior", posterior)) if not poses else ()
+        single = [name for name, given in (("--plot", plot), ("--report", report), *of_one) if given]
         if single:
             what = f"{sources[0]} is a folder" if Path(sources[0]).is_dir() else "these are many"
             raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
@@ -145,11 +168,25 @@ def heading(
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     if biased and method == "learned" and model is not None:
         check_bias(model)
-    request = Request(reading, _sensor(sensor), method, gyro_bias, attitude, model, turn_angles, curve, require_sigma)
+    request = Request(
+        reading,
+        _sensor(sensor),
+        method,
+        gyro_bias,
+        attitude,
+        model,
+        turn_angles,
+        curve,
+        require_sigma,
+        turn_angle_sigma_deg,
+    )
+    if poses:
+        return _as_poses(sources, request, as_json=as_json, posterior=posterior, nmea=nmea, kept=kept)
     if many:
         place = Place(scheduler, workers)
         return _many(sources, request, place, as_json=as_json, kept=kept, resume=resume, windows=windows)
-    return _file(sources[0], request, as_json=as_json, nmea=nmea, kept=kept, plot=plot, report=report)
+    given = {"as_json": as_json, "posterior": posterior, "nmea": nmea}
+    return _file(sources[0], request, **given, kept=kept, plot=plot, report=report)
 
 
 def _table_to_keep(csv: Path | None, out: Path | None, *, resume: bool, as_json: bool) -> Path | None:
@@ -170,6 +207,7 @@ def _file(
     request: Request,
     *,
     as_json: bool,
+    posterior: bool,
     nmea: bool,
     kept: Path | None,
     plot: Path | None,
@@ -193,8 +231,17 @@ def _file(
 
             settings = request.settings()
             write_table(kept, settings, [outcome.stamped(checksum_of(path), settings)])
+    _print(outcome, as_json=as_json, posterior=posterior, nmea=nmea)
+    _tell_written(plot, report, kept)
+    return VALID if estimate.valid else REFUSED
+
+
+def _print(outcome: Outcome, *, as_json: bool, posterior: bool, nmea: bool) -> None:
+    """The heading of one outcome to standard output."""
+    estimate = outcome.estimate
+    assert estimate is not None
     if as_json:
-        print_json(estimate.to_json())
+        print_json(estimate.to_json(posterior=posterior))
     elif nmea:
         from gyronorth.report.nmea import sentences
 
@@ -203,7 +250,28 @@ def _file(
         from gyronorth.report.terminal import print_heading
 
         print_heading(outcome, sys.stdout)
-    _tell_written(plot, report, kept)
+
+
+def _as_poses(
+    sources: list[str], request: Request, *, as_json: bool, posterior: bool, nmea: bool, kept: Path | None
+) -> int:
+    """One heading of several files, each a pose of the same unit."""
+    from gyronorth.errors import InputError
+    from gyronorth.many.remote import at_hand
+    from gyronorth.many.sources import recordings
+    from gyronorth.report.tables import Outcome
+
+    if kept is not None:
+        raise InputError("--poses makes one heading of all files, and a table has a row for each; give --json instead.")
+    items, read = recordings(sources), list[Any]()
+    for item in items:
+        with at_hand(item.address) as path, reading_file(path) as progress:
+            read.append(request.read(path, progress))
+    with working("finding north"):
+        estimate = request.heading(read)
+    name = " + ".join(item.name for item in items)
+    outcome = Outcome(name, estimate, heading_true=read[-1].heading_true)
+    _print(outcome, as_json=as_json, posterior=posterior, nmea=nmea)
     return VALID if estimate.valid else REFUSED
 
 
@@ -263,42 +331,23 @@ def _many(
     windows: tuple[float, float] | None,
 ) -> int:
     """Many recordings: one row each, an unreadable one with its error."""
-    from gyronorth.many.headings import Work, outcomes_of
+    from gyronorth.many.headings import HeadingTask
     from gyronorth.many.sources import recordings
+    from gyronorth.many.table import HEADINGS, WINDOWS
     from gyronorth.many.tally import Tally
+    from gyronorth.report.terminal import print_folder
 
-    items = recordings(sources)
-    if kept is not None:
-        check_not_read(kept, items)
-    settings = request.settings(**({} if windows is None else {"windows_s": windows}))
-    work = Work(request, settings, checksums=kept is not None, windows=windows)
-    tally, found = Tally(), []  # one document or row for each; no estimate is kept
-    with ExitStack() as stack:
-        rows = None if kept is None else stack.enter_context(kept_table(kept, settings, resume, windows is not None))
-        executor = stack.enter_context(place.executor())
-        done = stack.enter_context(recordings_done(len(items)))
-        for item, outcomes in outcomes_of(items, work, executor, None if rows is None else rows.done()):
-            if rows is not None:
-                rows.add(outcomes)
-            tally.add(outcomes)
-            if as_json or len(found) <= SHOWN:
-                found += [(item.name, outcome) for outcome in outcomes]
-            done(item.name)
-        if rows is not None:
-            rows.finish([item.name for item in items])
-            tally = Tally.of_table(rows)
-    order = {item.name: number for number, item in enumerate(items)}
-    shown = [outcome for _, outcome in sorted(found, key=lambda pair: order[pair[0]])]
-    if as_json:
-        print_json([outcome.document() for outcome in shown])
-        return tally.exit_code()
-    if len(shown) <= SHOWN and shown:
-        from gyronorth.report.terminal import print_folder
-
-        print_folder(shown, sys.stdout)
-    typer.echo(tally.summary(), err=True)
-    _tell_written(kept)
-    return tally.exit_code()
+    return run_many(
+        recordings(sources),
+        HeadingTask(request, windows),
+        place,
+        columns=HEADINGS if windows is None else WINDOWS,
+        tally=Tally(),
+        show=print_folder,
+        as_json=as_json,
+        kept=kept,
+        resume=resume,
+    )
 
 
 def _tell_written(*paths: Path | None) -> None:

@@ -22,6 +22,7 @@ from gyronorth.cli.options import (
     MethodName,
     RequireSigma,
     SensorName,
+    degrees,
     number,
     with_reading,
 )
@@ -132,6 +133,16 @@ def live(
         ),
     ] = 1.0,
     require_sigma: RequireSigma = None,
+    alignment: Annotated[
+        Any,
+        typer.Option(
+            metavar="DEG",
+            parser=degrees("an angle of -180 to 180 degrees", "-1.5", low=-180, high=180),
+            help="How far to starboard of the unit's forward axis the vehicle's lies; the page and /api/alignment set "
+            "another.",
+            rich_help_panel=SITE,
+        ),
+    ] = 0.0,
     page: Annotated[
         bool,
         typer.Option(
@@ -195,7 +206,10 @@ def live(
     profile = None if sensor is None else read_sensor(sensor)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    session = Session(opened, LiveSettings(reading, profile, method, gyro_bias, curve, save, require_sigma, receiver))
+    settings = LiveSettings(
+        reading, profile, method, gyro_bias, curve, save, require_sigma, alignment=alignment, position=receiver
+    )
+    session = Session(opened, settings)
     server = _server(session, host=host, port=int(port), token=token, page=page) if page or api else None
     out = None
     if nmea_out is not None:

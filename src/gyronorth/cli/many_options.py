@@ -62,6 +62,14 @@ Resume = Annotated[
     bool,
     typer.Option("--resume", help="Continue the table: compute only missing or changed files.", rich_help_panel=MANY),
 ]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="OUT.csv|.parquet",
+        help="Write a table, one row per recording.",
+        rich_help_panel=MANY,
+    ),
+]
 Windows = Annotated[
     Any,
     typer.Option(
@@ -97,11 +105,11 @@ class Place:
 
 
 @contextmanager
-def kept_table(path: Path, settings: str, resume: bool, windows: bool) -> Iterator[Table]:
+def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) -> Iterator[Table]:
     """The table that is kept; an interruption tells how to go on."""
     from gyronorth.many.table import table
 
-    with table(path, settings, resume=resume, windows=windows) as rows:
+    with table(path, settings, resume=resume, columns=columns) as rows:
         try:
             yield rows
         except KeyboardInterrupt:

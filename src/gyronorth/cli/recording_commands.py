@@ -12,6 +12,8 @@ import typer
 from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW, WRITTEN_SUFFIXES
 from gyronorth.cli import completion
 from gyronorth.cli.app import app
+from gyronorth.cli.many_options import Out, Place, Resume, Scheduler, Sources, Workers
+from gyronorth.cli.many_run import run_files, several
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
     Force,
@@ -127,28 +129,60 @@ def simulate(
 @app.command()
 @with_reading
 def info(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
+    sources: Sources,
     as_json: Json = False,
+    out: Out = None,
+    resume: Resume = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     *,
     reading: ReadOptions,
-) -> None:
-    """Show what a recording holds: format, units, axes, rate, length, truth, gaps, mean rate."""
+) -> int:
+    """Show what a recording, or each of many, holds: format, units, axes, rate, length, truth, gaps, mean rate.
+
+    Exit code 2 if any could not be read, else 0.
+    """
     from gyronorth import readers
+    from gyronorth.many.remote import at_hand
     from gyronorth.report.recordings import print_description
 
-    with reading_file(source) as progress:
-        description = readers.describe(source, reading, progress=progress)
+    if out is not None or several(sources, resume=resume):
+        from gyronorth.many.tasks import INFO_COLUMNS, InfoTask
+
+        return run_files(
+            sources,
+            InfoTask(reading),
+            Place(scheduler, workers),
+            columns=INFO_COLUMNS,
+            shown=("format", "rate_hz", "samples", "duration_s", "axes", "gaps", "notes"),
+            what="read",
+            as_json=as_json,
+            out=out,
+            resume=resume,
+        )
+    with at_hand(sources[0]) as path, reading_file(path) as progress:
+        description = readers.describe(path, reading, progress=progress)
     if as_json:
         print_json(description.to_json())
     else:
         print_description(description, sys.stdout)
+    return 0
 
 
 @app.command()
 @with_reading
 def convert(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
-    output: OutputRecording,
+    sources: Sources,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help=f"Recording to write: {', '.join(RECORDING_SUFFIXES)}. Of many, with a star for the name of each: "
+            "'converted/*.h5'.",
+        ),
+    ],
     decimate_to: Annotated[
         Any,
         typer.Option(
@@ -158,10 +192,45 @@ def convert(
         ),
     ] = None,
     force: Force = False,
+    out: Out = None,
+    resume: Resume = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     *,
     reading: ReadOptions,
-) -> None:
-    """Rewrite a recording in SI and body axes in the format of the output's suffix, at a lower rate if asked."""
+) -> int:
+    """Rewrite recordings in SI and body axes in the format of the output's suffix, at a lower rate if asked.
+
+    Exit code 2 if any could not be read or written, else 0.
+    """
+    from gyronorth.errors import InputError
+    from gyronorth.many.remote import at_hand
+
+    star = "*" in output.name
+    if star or out is not None or several(sources, resume=resume):
+        from gyronorth.many.tasks import CONVERT_COLUMNS, ConvertTask
+
+        if not star or output.suffix.lower() not in RECORDING_SUFFIXES:
+            raise InputError(
+                f"-o {output}: many recordings are written to one file each. Put a star in the place of their names, "
+                f"and a suffix of {', '.join(RECORDING_SUFFIXES)}, as in -o 'converted/*.h5'."
+            )
+        return run_files(
+            sources,
+            ConvertTask(reading, str(output), decimate_to, force or resume),
+            Place(scheduler, workers),
+            columns=CONVERT_COLUMNS,
+            shown=CONVERT_COLUMNS[1:-1],
+            what="written",
+            as_json=False,
+            out=out,
+            resume=resume,
+        )
+    with at_hand(sources[0]) as source:
+        return _convert_one(source, reading, output, decimate_to, force=force)
+
+
+def _convert_one(source: Path, reading: ReadOptions, output: Path, decimate_to: float | None, *, force: bool) -> int:
     from gyronorth import readers
     from gyronorth.conditioning import decimated_chunks
 
@@ -170,3 +239,4 @@ def convert(
         _, chunks = readers.read_chunks(source, reading, chunk_samples=CHUNK_SAMPLES, progress=progress)
         readers.write_chunks(chunks if decimate_to is None else decimated_chunks(chunks, decimate_to), output)
     written(output)
+    return 0

@@ -13,6 +13,8 @@ import typer
 
 from gyronorth.catalogue import ALLAN_EXPORTS, METHODS
 from gyronorth.cli.app import app
+from gyronorth.cli.many_options import Out, Place, Resume, Scheduler, Sources, Workers
+from gyronorth.cli.many_run import run_files, several
 from gyronorth.cli.options import (
     CHUNK_SAMPLES,
     OUTPUT,
@@ -66,7 +68,7 @@ def sensors(as_json: Json = False) -> None:
 @app.command()
 @with_reading
 def allan(
-    source: Annotated[Path, typer.Argument(metavar="FILE", help="A recording of a sensor that stood still.")],
+    sources: Sources,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PROFILE", help="Write a profile for --sensor (JSON).")
     ] = None,
@@ -88,10 +90,56 @@ def allan(
     as_json: Json = False,
     plot: Plot = None,
     force: Force = False,
+    out: Out = None,
+    resume: Resume = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     *,
     reading: ReadOptions,
-) -> None:
-    """Allan deviation of a recording, and the error terms of its sensor with their intervals."""
+) -> int:
+    """Allan deviation of a recording at rest, and the error terms of its sensor with their intervals.
+
+    Of many: the error terms of each. Exit code 2 if any could not be had, else 0.
+    """
+    from gyronorth.errors import InputError
+    from gyronorth.many.remote import at_hand
+
+    if out is not None or several(sources, resume=resume):
+        from gyronorth.many.tasks import AllanTask, allan_columns
+        from gyronorth.sensor import read_sensor
+
+        single = [name for name, given in (("-o", output), ("--plot", plot), ("--export", export)) if given is not None]
+        if single:
+            raise InputError(f"{single[0]} takes one recording, and these are many; --out writes their table.")
+        return run_files(
+            sources,
+            AllanTask(reading, None if sensor is None else read_sensor(sensor)),
+            Place(scheduler, workers),
+            columns=allan_columns(),
+            shown=("gyro_angle_random_walk_deg_sqrt_h", "gyro_bias_instability_deg_h", "duration_s", "rate_hz"),
+            what="read",
+            as_json=as_json,
+            out=out,
+            resume=resume,
+        )
+    with at_hand(sources[0]) as path:
+        return _allan_of(
+            path, reading, output=output, sensor=sensor, export=export, as_json=as_json, plot=plot, force=force
+        )
+
+
+def _allan_of(
+    source: Path,
+    reading: ReadOptions,
+    *,
+    output: Path | None,
+    sensor: str | None,
+    export: str | None,
+    as_json: bool,
+    plot: Path | None,
+    force: bool,
+) -> int:
+    """The Allan deviation of one recording, and what is written of it."""
     from gyronorth import readers
     from gyronorth.allan import axes_in_files, characterise
     from gyronorth.report.sensors import print_characterisation
@@ -126,6 +174,7 @@ def allan(
     for path in (output, plot):
         if path is not None:
             written(path)
+    return 0
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -103,8 +104,10 @@ def fit(
                 "progress": vars(progress),
                 "fingerprint": fingerprint,
             }
+            held = io.BytesIO()  # PyTorch tells a full disk as a fault of its own
+            torch.save(state, held)
             with written_beside(checkpoint, durable=True) as beside:
-                torch.save(state, beside)
+                beside.write_bytes(held.getbuffer())
         if report is not None:
             report(progress)
     network.load_state_dict(best)

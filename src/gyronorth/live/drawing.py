@@ -67,12 +67,14 @@ _NEEDLE = '<path d="M0 -80 L7 -60 L2 -62 L2 30 L-2 30 L-2 -62 L-7 -60 Z"/>'
 _TRUTH = ((0, 0), (-3.5, 10), (3.5, 10))
 
 
-def heading_chart(found: LiveEstimate | None) -> str:
+def heading_chart(status: Status) -> str:
     """Heading against time with its 95 % band."""
+    found = status.found
     if found is None or not np.isfinite(found.trace[:, 1]).any():
         return _empty("Heading against time: no heading yet")
     trace = _thinned(found.trace[np.isfinite(found.trace[:, 1])])
     time, heading, half, valid = trace.T
+    heading = (heading + status.alignment) % (2 * np.pi)
     last = degrees(heading[-1])
     off = (np.degrees(heading) - last + 180) % 360 - 180
     half = np.degrees(half)

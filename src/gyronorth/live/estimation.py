@@ -13,9 +13,10 @@ import numpy as np
 
 from gyronorth import pipeline
 from gyronorth.arrays import Array
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.estimate import HeadingEstimate
-from gyronorth.simulation import Motion, simulate
+from gyronorth.recording import Recording
 from gyronorth.streaming import StreamingHeading
 
 #: Estimates are this far apart, s, and take at most this share of one core.
@@ -134,9 +135,23 @@ class Estimation:
 @cache
 def _warm() -> None:
     """Run once what `auto` may turn to later, so that it takes its memory at the start and not during a turn."""
-    unit, rng = {"sensor": "isa100c", "latitude": 0.8, "heading": 0.0, "duration": 100.0}, np.random.default_rng(0)
-    half_turn = Motion(turns=((45.0, 10.0, np.pi),))
-    pipeline.heading(simulate(**unit, rate_hz=200.0, rng=rng, motion=half_turn), sensor=unit["sensor"])
-    still = simulate(**unit, rate_hz=10.0, rng=rng)
+    still, turned = _unit_at_rest(10.0), _unit_at_rest(200.0, turned=True)
+    pipeline.heading(turned, sensor="isa100c")
     for method in ("bayes", *(["learned"] if find_spec("onnxruntime") else [])):
-        pipeline.heading(still, sensor=unit["sensor"], method=method)
+        pipeline.heading(still, sensor="isa100c", method=method)
+
+
+def _unit_at_rest(rate_hz: float, *, turned: bool = False) -> Recording:
+    """Numbers like those of a unit that stands level for 100 s, turned half round in the middle or not."""
+    times, latitude, rng = np.arange(round(100 * rate_hz)) / rate_hz, 0.8, np.random.default_rng(0)
+    turning = (times >= 45) & (times < 55) & turned
+    heading = np.cumsum(turning) * (np.pi / 10 / rate_hz)
+    north, down = EARTH_RATE * np.cos(latitude), EARTH_RATE * -np.sin(latitude)
+    gyro_b = np.column_stack([north * np.cos(heading), -north * np.sin(heading), down + np.pi / 10 * turning])
+    accel_b = np.tile([0.0, 0.0, -STANDARD_GRAVITY], (len(times), 1))
+    return Recording(
+        gyro_b + 1e-6 * rng.standard_normal(gyro_b.shape),
+        accel_b + 1e-3 * rng.standard_normal(accel_b.shape),
+        rate_hz,
+        latitude,
+    )

@@ -99,10 +99,9 @@ class Holding:
             self._path = []
             return
         self._pieces.append(gyro_b)
-        if self._stand is None:
-            while self._samples - self._first > KEPT * self._rate_hz:
-                self._first += len(self._pieces.pop(0))
-        else:
+        while self._samples - self._first > KEPT * self._rate_hz:
+            self._first += len(self._pieces.pop(0))
+        if self._stand is not None:
             self._carry(self._stand, gyro_b, self._samples)
 
     def found(self, estimate: HeadingEstimate, samples: int) -> None:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from html import escape
+from math import degrees, radians
 from pathlib import Path
 
 from fastapi import FastAPI
@@ -66,13 +67,15 @@ def build(session: Session) -> None:
             pictures.append(_Picture(wording.lights, session, style="display: contents"))
         with ui.element("div").classes("pair"):
             for title, draw in (
-                ("Heading against time, with its 95 % band", lambda status: drawing.heading_chart(status.found)),
+                ("Heading against time, with its 95 % band", drawing.heading_chart),
                 ("Rate norm against time, deg/h (dashed: Earth rate)", lambda status: drawing.rate_chart(status.found)),
             ):
                 pictures.append(_Picture(_titled(title, draw), session))
         with ui.element("div").classes("pair"):
             pictures.append(_Picture(_titled("Turning", wording.turning), session))
-            pictures.append(_Picture(wording.marks, session))
+            with ui.element("div"):
+                _alignment(session)
+                pictures.append(_Picture(wording.marks, session))
         with ui.element("details").classes("fold"):
             with ui.element("summary"):
                 ui.html("What came, in numbers", sanitize=False, tag="span")
@@ -95,6 +98,27 @@ def build(session: Session) -> None:
     actions.saved, actions.redraw = saved, redraw
     redraw()
     ui.timer(REDRAWN, redraw)
+
+
+def _alignment(session: Session) -> None:
+    """Where the alignment offset is seen and set."""
+
+    def set_offset() -> None:
+        try:
+            session.align(radians(float("nan" if field.value is None else field.value)))
+        except InputError as error:
+            ui.notify(str(error), type="negative", position="top")
+            return
+        ui.notify(f"Alignment offset {field.value:+.2f}°.", position="top")
+
+    with ui.element("section").classes("offset"):
+        ui.html("<h2>Alignment offset</h2>", sanitize=False)
+        field = ui.number(
+            label="Vehicle's bow to starboard of the unit's forward axis, deg",
+            value=round(degrees(session.status.alignment), 4), min=-180, max=180, format="%.2f",
+        )  # fmt: skip
+        field.on("keydown.enter", set_offset)
+        ui.button("Set", on_click=set_offset, color=None).props('no-caps aria-label="Set the alignment offset"')
 
 
 class _Picture:

@@ -6,16 +6,19 @@ import asyncio
 import json
 import socket
 from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
+from math import radians
 from pathlib import Path
 from threading import Thread
 from typing import Any
 from urllib.parse import quote, urlencode
 
 import uvicorn
-from fastapi import FastAPI
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
+from gyronorth.errors import InputError
 from gyronorth.live.access import Access, is_loopback
 from gyronorth.live.metrics import CONTENT_TYPE, metrics_text
 from gyronorth.live.reporting import report_text
@@ -24,6 +27,8 @@ from gyronorth.live.status import UNATTENDED
 
 #: For programs: whether the instrument works, and the heading as `live --json` prints it.
 HEALTH_URL, HEADING_URL, STREAM_URL, METRICS_URL = "/healthz", "/api/heading", "/api/stream", "/metrics"
+#: The same stream for web sockets, and where the alignment offset is set.
+SOCKET_URL, ALIGNMENT_URL = "/api/socket", "/api/alignment"
 #: Where the files of a session can be had.
 RECORDING_URL, REPORT_URL = "/recording", "/report"
 #: The stream is sent so often, Hz, unless the address says otherwise, and at most.
@@ -133,6 +138,22 @@ def _application(session: Session) -> FastAPI:
     def metrics() -> Response:
         return Response(metrics_text(session.status), media_type=CONTENT_TYPE)
 
+    _serve_streams(app, session)
+
+    @app.post(ALIGNMENT_URL)
+    def alignment(deg: float) -> Response:
+        try:
+            session.align(radians(deg))
+        except InputError as error:
+            return PlainTextResponse(str(error), status_code=422)
+        return JSONResponse({"alignment_deg": deg})
+
+    return app
+
+
+def _serve_streams(app: FastAPI, session: Session) -> None:
+    """The object of `live --json` again and again, as server-sent events and over a web socket."""
+
     @app.get(STREAM_URL)
     def stream(hz: float = STREAM_HZ) -> Response:
         if not 0 < hz <= FASTEST_HZ:
@@ -141,14 +162,29 @@ def _application(session: Session) -> FastAPI:
             _events(session, hz), media_type="text/event-stream", headers={"cache-control": "no-store"}
         )
 
-    return app
+    @app.websocket(SOCKET_URL)
+    async def sockets(socket: WebSocket, hz: float = STREAM_HZ) -> None:
+        if not 0 < hz <= FASTEST_HZ:
+            await socket.close(1008)
+            return
+        await socket.accept()
+        with suppress(WebSocketDisconnect, RuntimeError):  # the listener has gone
+            async for document in _documents(session, hz):
+                await socket.send_text(document)
+            await socket.close()
 
 
 async def _events(session: Session, hz: float) -> AsyncIterator[str]:
-    """The object of `live --json` as server-sent events, for as long as somebody listens and the session runs."""
+    """The object of `live --json` as server-sent events."""
+    async for document in _documents(session, hz):
+        yield f"data: {document}\n\n"
+
+
+async def _documents(session: Session, hz: float) -> AsyncIterator[str]:
+    """The object of `live --json`, for as long as somebody listens and the session runs."""
     while True:
         over = session.ended.is_set()
-        yield f"data: {json.dumps(session.status.to_json(), allow_nan=False)}\n\n"
+        yield json.dumps(session.status.to_json(), allow_nan=False)
         if over:
             return
         await asyncio.sleep(1 / hz)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import queue
 import time
 from dataclasses import dataclass, replace
+from math import degrees, pi
 from pathlib import Path
 from threading import Event, Thread
 
@@ -54,6 +55,7 @@ class LiveSettings:
     deviation: DeviationModel | None = None
     save: Path | None = None
     require_sigma: float | None = None  # rad
+    alignment: float = 0.0  # rad, to begin with; `Session.align` sets another
     position: Position | None = None  # tells the latitude, where it is not declared
 
 
@@ -61,7 +63,7 @@ class LiveSettings:
 class Command:
     """What the user wants, from the page."""
 
-    name: str  # start, stop, mark, sync
+    name: str  # start, stop, mark, align, sync
     text: str = ""
     done: Event | None = None  # set when it is
 
@@ -101,6 +103,7 @@ class Session:
         self._usable = True  # whether samples can be made of the rows of the stretch
         self._proven = False  # whether they could be of any
         self._marks: list[Mark] = []
+        self._alignment = settings.alignment
         self._found: LiveEstimate | None = None
         self._holding: Holding | None = None
         self._held_from: LiveEstimate | None = None  # the latest estimate that it took
@@ -135,6 +138,18 @@ class Session:
     def command(self, name: str, text: str = "") -> None:
         """Start, stop or mark, as soon as the lines that came before are done."""
         self._queue.put(Command(name, text))
+
+    def align(self, offset: float) -> None:
+        """Set how far to starboard of the unit's forward axis the vehicle's lies, rad.
+
+        Raises
+        ------
+        InputError
+            If it is not within half a turn.
+        """
+        if not abs(offset) <= pi:
+            raise InputError(f"The alignment offset is {degrees(offset):g} deg; -180 to 180 deg are expected.")
+        self._queue.put(Command("align", repr(offset)))
 
     def saved(self) -> None:
         """Return when the recording is on the disk and the estimate is that of the latest sample."""
@@ -201,19 +216,27 @@ class Session:
                 case Ended():
                     self._batches(self._reader.end())
                     self._end_of_source()
-                case Command("start"):
-                    self._restart()
-                case Command("stop"):
-                    self._finish_stretch()
-                    self._estimation.flush()
-                    self._state = "stopped"
-                case Command("mark", text):
-                    self._mark(text)
-                case Command("sync", done=Event() as done):
-                    for recorder in self._recorders:
-                        recorder.sync(now=True)
-                    self._publish()
-                    done.set()
+                case Command():
+                    self._obey(event)
+
+    def _obey(self, command: Command) -> None:
+        match command:
+            case Command("start"):
+                self._restart()
+            case Command("stop"):
+                self._finish_stretch()
+                self._estimation.flush()
+                self._state = "stopped"
+            case Command("mark", text):
+                self._mark(text)
+            case Command("align", text):
+                self._alignment = float(text)
+                self._mark(self._alignment_text())
+            case Command("sync", done=Event() as done):
+                for recorder in self._recorders:
+                    recorder.sync(now=True)
+                self._publish()
+                done.set()
 
     def _connected(self, midway: bool) -> None:
         self._connections += 1
@@ -373,6 +396,8 @@ class Session:
         self._holding = None
         self._state, self._marks, self._found, self._failure = "running", [], None, None
         self._usable = True
+        if self._alignment:
+            self._mark(self._alignment_text())
         return stretch
 
     def _new_stretch(self, form: Form) -> Stretch:
@@ -447,6 +472,9 @@ class Session:
         if self._recorder is not None:
             self._recorder.mark(f"{seconds:.3f} s, {utc_now()}" + (f", {text}" if text else ""))
 
+    def _alignment_text(self) -> str:
+        return f"alignment offset {degrees(self._alignment):+.2f} deg"
+
     def _watch(self) -> None:
         """Once per batch: the disk, and a source that has gone silent."""
         for recorder in self._recorders:
@@ -500,6 +528,7 @@ class Session:
         self._status = replace(
             self._status,
             held=held,
+            alignment=self._alignment,
             rate_of_turn=None if holding is None else holding.rate_of_turn,
             state=self._state,  # type: ignore[arg-type]
             connected=not self._trouble,
@@ -519,6 +548,6 @@ class Session:
             recording_bytes=0 if recorder is None else recorder.bytes,
             raw_recording=raw.path if raw is not None and raw.files else None,
             recording_error=None if recorder is None else recorder.error or (raw and raw.error),
-            heading_true=stretch.declared.heading_true if stretch else None,
+            heading_true=stretch.declared.heading_true if stretch and not self._alignment else None,
         )
         self._looked = time.monotonic()

@@ -10,6 +10,9 @@ from math import degrees, pi
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from gyronorth.attitude import mat_bn, rotation
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
 from gyronorth.live.estimation import LiveEstimate
@@ -74,6 +77,7 @@ class Status:
     unattended: float = 0.0  # s since the session last looked at its source
     findings: tuple[Finding, ...] = ()  # reasons beside those of the estimate
     warnings: tuple[Finding, ...] = ()  # beside those of the estimate
+    alignment: float = 0.0  # rad; how far to starboard of the unit's forward axis the vehicle's lies
     require_sigma: float | None = None  # rad; a heading that is less certain is not given out
     replay: bool = False  # whether the samples are played back
     marks: tuple[Mark, ...] = ()
@@ -93,7 +97,8 @@ class Status:
         estimate = self.found.estimate
         reasons = (*estimate.reasons, *self.findings)
         warnings = (*estimate.warnings, *self.warnings)
-        return replace(estimate, reasons=reasons, warnings=warnings).required(self.require_sigma)
+        estimate = replace(estimate, reasons=reasons, warnings=warnings).required(self.require_sigma)
+        return self._aligned(estimate) if self.alignment else estimate
 
     @property
     def estimate(self) -> HeadingEstimate | None:
@@ -105,6 +110,7 @@ class Status:
 
     def _carried(self, estimate: HeadingEstimate, held: Held) -> HeadingEstimate:
         """The heading that is held, in the words of an estimate."""
+        held = replace(held, **_turned(held, self.alignment))
         half = min(NORMAL_95 * held.sigma, pi)
         low, high = (held.heading - half) % (2 * pi), (held.heading + half) % (2 * pi)
         carried = replace(
@@ -119,6 +125,19 @@ class Status:
             sigma_parts={},
         )
         return replace(carried, reasons=self.findings).required(self.require_sigma)
+
+    def _aligned(self, estimate: HeadingEstimate) -> HeadingEstimate:
+        """The attitude of the vehicle, whose forward axis lies beside the unit's."""
+        message = f"An alignment offset of {degrees(self.alignment):+.2f} deg is set: the heading is the vehicle's."
+        estimate = replace(estimate, warnings=(*estimate.warnings, Finding("alignment_offset", message)))
+        if estimate.heading is None:
+            return estimate
+        turned = _turned(estimate, self.alignment)
+        low, high = estimate.interval95
+        if high - low < 2 * pi:
+            shift = turned["heading"] - estimate.heading
+            low, high = (low + shift) % (2 * pi), (high + shift) % (2 * pi)
+        return replace(estimate, interval95=(low, high), **turned)
 
     @property
     def fitness(self) -> LiveFitness:
@@ -148,6 +167,7 @@ class Status:
             "fitness": self.fitness,
             "age_s": self.age,
             "held_s": None if self.held is None else self.held.since,
+            "alignment_deg": degrees(self.alignment),
             "rate_of_turn_deg_min": None if self.rate_of_turn is None else degrees(self.rate_of_turn) * 60,
             "replay": self.replay,
             "source": self.source,
@@ -160,3 +180,17 @@ class Status:
             **asdict(self.counters),
         }
         return {**document, "live": live}
+
+
+def _turned(attitude: HeadingEstimate | Held, offset: float) -> dict[str, Any]:
+    """Heading, roll and pitch, rad, of axes turned by an offset to starboard in the plane of the given ones."""
+    heading, roll, pitch = attitude.heading, attitude.roll, attitude.pitch
+    assert heading is not None
+    if roll is None or pitch is None:
+        return {"heading": (heading + offset) % (2 * pi)}
+    mat = rotation(np.array([0.0, 0.0, -offset])) @ mat_bn(roll, pitch, heading)
+    return {
+        "heading": float(np.arctan2(mat[0, 1], mat[0, 0]) % (2 * pi)),
+        "roll": float(np.arctan2(mat[1, 2], mat[2, 2])),
+        "pitch": float(-np.arcsin(np.clip(mat[0, 2], -1, 1))),
+    }

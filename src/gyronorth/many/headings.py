@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gyronorth.errors import InputError
-from gyronorth.many.remote import at_hand, checksum_of, state_of
+from gyronorth.many.remote import NotFetched, at_hand, checksum_of, state_of
 from gyronorth.many.sources import Item, recordings
 from gyronorth.report.tables import Outcome
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gyronorth.sensor import Sensor
 
 #: Settings in rad, given in degrees in the table.
-_ANGLES = ("latitude", "boresight", "attitude", "turn_angles", "require_sigma")
+_ANGLES = ("latitude", "boresight", "attitude", "turn_angles", "turn_angle_sigma", "require_sigma")
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Request:
     turn_angles: tuple[float, ...] | None = None  # rad
     deviation: DeviationModel | None = None
     require_sigma: float | None = None  # rad
+    turn_angle_sigma: float | None = None  # rad
 
     def read(self, path: Path, progress: Callable[[float], None] | None = None) -> Recording:
         """The recording, less its known bias."""
@@ -53,7 +54,7 @@ class Request:
         """A recording, less its known bias."""
         return recording if self.gyro_bias is None else recording.without_bias(self.gyro_bias)
 
-    def heading(self, recording: Recording) -> HeadingEstimate:
+    def heading(self, recording: Recording | list[Recording]) -> HeadingEstimate:
         """What the pipeline finds."""
         from gyronorth import pipeline
 
@@ -65,6 +66,7 @@ class Request:
             model=self.model,
             attitude=self.attitude,
             turn_angles=self.turn_angles,
+            turn_angle_sigma=self.turn_angle_sigma,
             deviation=self.deviation,
             require_sigma=self.require_sigma,
         )
@@ -76,45 +78,63 @@ class Request:
         """
         from importlib.metadata import version
 
-        found = {"gyronorth": version("gyronorth"), "method": self.method} | _given(self) | _given(self.reading) | more
+        found = (
+            {"gyronorth": version("gyronorth"), "method": self.method} | given_of(self) | given_of(self.reading) | more
+        )
         return json.dumps({name: found[name] for name in sorted(found)})
 
 
 @dataclass(frozen=True)
-class Work:
-    """What a worker does with each recording."""
+class HeadingTask:
+    """The heading of each recording, or of each of its windows."""
 
     request: Request
-    settings: str = ""
-    checksums: bool = True  # whether the outcome carries one
     windows: tuple[float, float] | None = None  # length and step, s: a heading for every window
 
-    def outcomes(self, item: Item, known: str = "") -> list[Outcome]:
-        """What became of a recording, whatever that is; nothing where its checksum is `known`, which is done."""
-        checksum = state_of(item.address) if self.checksums else ""
-        if known and checksum == known:
-            return []
-        found: list[Outcome] = []
-        try:
-            with at_hand(item.address) as path:
-                if self.checksums and not checksum and path.exists():
-                    checksum = checksum_of(path)
-                    if known and checksum == known:
-                        return []
-                found = self._found(item.name, path)
-        except Exception as error:
-            transient = isinstance(error, OSError | MemoryError)
-            found = [Outcome(item.name, message=told(error))]
-            checksum = "" if transient else checksum
-        return [outcome.stamped(checksum, self.settings) for outcome in found]
-
-    def _found(self, name: str, path: Path) -> list[Outcome]:
+    def found(self, name: str, path: Path) -> list[Outcome]:
+        """The outcomes of a file."""
         if self.windows is not None:
             from gyronorth.many.windows import window_outcomes
 
             return list(window_outcomes(self.request, name, path, self.windows))
         recording = self.request.read(path)
         return [Outcome(name, self.request.heading(recording), heading_true=recording.heading_true)]
+
+    def failed(self, name: str, message: str) -> Outcome:
+        """What stands for a file of which nothing could be had."""
+        return Outcome(name, message=message)
+
+    def settings(self) -> str:
+        """All that decides the headings, see `Request.settings`."""
+        return self.request.settings(**({} if self.windows is None else {"windows_s": self.windows}))
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a worker does with each recording."""
+
+    task: Any  # `HeadingTask`, or one of `gyronorth.many.tasks`
+    settings: str = ""
+    checksums: bool = True  # whether the outcome carries one
+
+    def outcomes(self, item: Item, known: str = "") -> list[Any]:
+        """What became of a recording, whatever that is; nothing where its checksum is `known`, which is done."""
+        checksum = state_of(item.address) if self.checksums else ""
+        if known and checksum == known:
+            return []
+        found: list[Any] = []
+        try:
+            with at_hand(item.address) as path:
+                if self.checksums and not checksum and path.exists():
+                    checksum = checksum_of(path)
+                    if known and checksum == known:
+                        return []
+                found = self.task.found(item.name, path)
+        except Exception as error:
+            transient = isinstance(error, OSError | MemoryError | NotFetched)
+            found = [self.task.failed(item.name, told(error))]
+            checksum = "" if transient else checksum
+        return [outcome.stamped(checksum, self.settings) for outcome in found]
 
 
 def told(error: Exception) -> str:
@@ -190,16 +210,16 @@ def heading_many(
         turn_angles,
         deviation,
     )
-    more = {} if windows is None else {"windows_s": windows}
+    task = HeadingTask(request, windows)
     one = isinstance(sources, str) or hasattr(sources, "__fspath__")
     items = recordings([sources] if one else sources)  # type: ignore[list-item, arg-type]
-    work = Work(request, request.settings(**more), windows=windows)
+    work = Work(task, task.settings())
     return (outcome for _, found in outcomes_of(items, work, executor) for outcome in found)
 
 
 def outcomes_of(
     items: Iterable[Item], work: Work, executor: Executor | None = None, known: Mapping[str, str] | None = None
-) -> Iterator[tuple[Item, list[Outcome]]]:
+) -> Iterator[tuple[Item, list[Any]]]:
     """The outcomes of each item, as `each` finds them.
 
     Parameters
@@ -219,20 +239,20 @@ def outcomes_of(
     for (item, _), found in each(partial(_outcomes, work), pairs, executor):
         if isinstance(found, Exception):
             lost = str(found) if isinstance(found, WorkerLost) else told(found)
-            found = [Outcome(item.name, message=lost, settings=work.settings)]
+            found = [work.task.failed(item.name, lost).stamped("", work.settings)]
         yield item, found
 
 
-def _outcomes(work: Work, pair: tuple[Item, str]) -> list[Outcome]:
+def _outcomes(work: Work, pair: tuple[Item, str]) -> list[Any]:
     return work.outcomes(*pair)
 
 
-def _given(settings: Any) -> dict[str, Any]:
+def given_of(settings: Any) -> dict[str, Any]:
     """Fields of a dataclass that are not as by default, by name, as values of JSON."""
     found = {}
     for field in fields(settings):
         value = getattr(settings, field.name)
-        if value == field.default or field.name in ("reading", "method"):
+        if value == field.default or field.name in ("reading", "method", "force"):
             continue
         if field.name in _ANGLES:
             found[f"{field.name}_deg"] = [degrees(a) for a in value] if isinstance(value, tuple) else degrees(value)

@@ -20,6 +20,10 @@ ATTEMPTS, PAUSE = 3, 0.5
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
 
+class NotFetched(InputError):
+    """A file that did not come: another run may have it."""
+
+
 def is_url(address: str) -> bool:
     """Whether an address is a URL and no path."""
     return _URL.match(address) is not None
@@ -125,13 +129,13 @@ def _fetch(url: str, path: Path) -> None:
                 raise ConnectionError(f"{path.stat().st_size} of {size} bytes came")
             return
         except FileNotFoundError:
-            raise InputError(f"There is no file {url}.") from None
+            raise NotFetched(f"There is no file {url}.") from None
         except PermissionError as error:
-            raise InputError(f"{url} may not be read ({_short(error)}). Check the access to it.") from None
+            raise NotFetched(f"{url} may not be read ({_short(error)}). Check the access to it.") from None
         except Exception as error:  # each protocol has its own
             filesystem.invalidate_cache()
             if attempt == ATTEMPTS:
-                raise InputError(
+                raise NotFetched(
                     f"{url} could not be fetched in {ATTEMPTS} attempts ({_short(error)}). If the connection was "
                     "broken, give the command again, with --resume where there is a table."
                 ) from None

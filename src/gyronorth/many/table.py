@@ -22,7 +22,12 @@ from gyronorth.report.tables import COLUMNS, Outcome
 #: Columns behind those of every table, and those of a table of windows.
 STAMPS, WINDOW = ("checksum", "settings"), ("start_s", "end_s", "windows")
 #: Columns of text; the others hold numbers, and `valid` true or false.
-TEXTS = ("file", "reasons", "warnings", "method", "sensor", "message", "fitness", *STAMPS)
+TEXTS = (
+    *("file", "reasons", "warnings", "method", "sensor", "message", "fitness", *STAMPS),
+    *("format", "gyro_unit", "accel_unit", "axes", "axes_origin", "session", "start_time_utc", "notes", "output"),
+)
+#: Columns of the table of headings, and of that of windows.
+HEADINGS, WINDOWS = (*COLUMNS, *STAMPS), (*COLUMNS, *WINDOW, *STAMPS)
 #: How a text begins that a spreadsheet would take for a formula, and an apostrophe, which says that it is none.
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 
@@ -116,14 +121,14 @@ def write_table(path: Path, settings: str, outcomes: Sequence[Outcome]) -> None:
     """
     if _is_parquet(path):
         _arrow(path)
-    made = Table(path, settings, (*COLUMNS, *STAMPS), None)
+    made = Table(path, settings, HEADINGS, None)
     for outcome in outcomes:
         made.add([outcome])
     made.finish([outcome.file for outcome in outcomes])
 
 
 @contextmanager
-def table(path: Path, settings: str, *, resume: bool = False, windows: bool = False) -> Iterator[Table]:
+def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[str] = HEADINGS) -> Iterator[Table]:
     """A table to be made at `path`, .parquet or CSV; the partial file goes when the block ends well.
 
     Parameters
@@ -134,8 +139,8 @@ def table(path: Path, settings: str, *, resume: bool = False, windows: bool = Fa
         `Request.settings()`; rows made with others are refused.
     resume : bool
         Go on with the rows that are there.
-    windows : bool
-        Whether each row is a window.
+    columns : sequence of str
+        `HEADINGS`, `WINDOWS`, or those of another task with `STAMPS` behind them.
 
     Raises
     ------
@@ -143,7 +148,6 @@ def table(path: Path, settings: str, *, resume: bool = False, windows: bool = Fa
         If a partial file is there and `resume` is not given, if what is there is no such table or has other settings,
         if another run writes to it, or it cannot be written.
     """
-    columns = (*COLUMNS, *(WINDOW if windows else ()), *STAMPS)
     if _is_parquet(path):
         _arrow(path)
     if path.exists() and not path.is_file():  # a device or a pipe

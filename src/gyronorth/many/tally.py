@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from gyronorth.many.table import Table
 from gyronorth.report.tables import Outcome
@@ -26,10 +27,9 @@ class Tally:
             reasons = [] if found is None else [finding.code for finding in found.reasons]
             self._count(failed=found is None, valid=found is not None and found.valid, reasons=reasons)
 
-    @classmethod
-    def of_table(cls, table: Table) -> Tally:
+    def of(self, table: Table) -> Tally:
         """The counts of all rows of a table."""
-        tally = cls()
+        tally = Tally()
         columns = (table.column(name) for name in ("message", "method", "valid", "reasons"))
         for message, method, valid, reasons in zip(*columns, strict=True):
             codes = reasons.split(";") if reasons else []
@@ -52,3 +52,37 @@ class Tally:
         self.valid += valid
         self.refused += not failed and not valid
         self.reasons.update(reasons)
+
+
+@dataclass
+class Counts:
+    """Counts of files of which something was had, or not."""
+
+    what: str  # was done with them, in a word
+    done: int = 0
+    failed: int = 0
+
+    def add(self, outcomes: Sequence[Any]) -> None:
+        """Count some more."""
+        for outcome in outcomes:
+            self._count(failed=bool(outcome.message))
+
+    def of(self, table: Table) -> Counts:
+        """The counts of all rows of a table."""
+        counts = Counts(self.what)
+        for message in table.column("message"):
+            counts._count(failed=bool(message))
+        return counts
+
+    def summary(self) -> str:
+        """One line for people."""
+        total = self.done + self.failed
+        return f"{total} file{'s' if total != 1 else ''}: {self.done} {self.what}, {self.failed} failed"
+
+    def exit_code(self) -> int:
+        """2 if any failed, else 0."""
+        return 2 if self.failed else 0
+
+    def _count(self, *, failed: bool) -> None:
+        self.failed += failed
+        self.done += not failed

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from gyronorth.arrays import median
 
+#: Intervals from one stamp to the next beyond which it is absurd: no recording has so many samples.
+ABSURD = 1e12
 #: Stamps may be late for so long, s, and for so many rows, before a loss is believed.
 LONGEST_LATE = 2.0
 FEWEST_ROWS = 20
@@ -76,7 +78,9 @@ class Envelope:
         if self._origin is None and len(time):
             self._origin = float(time[0])
         number = self._rows + len(self._waiting)
-        stray = (time - (self._origin or 0.0)) / self.interval - np.arange(number, number + len(time))
+        with np.errstate(over="ignore"):
+            stray = np.minimum((time - (self._origin or 0.0)) / self.interval, 1e3 * ABSURD)
+        stray = stray - np.arange(number, number + len(time))
         stray = np.concatenate([self._waiting, stray])
         rows = len(stray)
         if rows > 1 and not last and stray[-1] < stray[-2] - MOVE:
@@ -118,8 +122,7 @@ class Envelope:
         # The envelope before the group that each move belongs to, and the whole samples by which it has moved since.
         group = np.cumsum(begins)
         bases = np.concatenate([[base], floor[moved[begins]]])
-        # Absurd stamps are bounded: no recording has so many samples.
-        moves = np.rint(np.clip(np.nan_to_num(floor[moved + 1] - bases[group]), -1e12, 1e12)).astype(np.int64)
+        moves = np.rint(np.clip(np.nan_to_num(floor[moved + 1] - bases[group]), -ABSURD, ABSURD)).astype(np.int64)
         ends = np.append(begins[1:], True)
         nets = np.zeros(len(bases), dtype=np.int64)
         nets[group[ends]] = moves[ends]
@@ -164,6 +167,7 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     if len(positive) == 0:
         return None
     middle = float(median(positive))
+    step = step[step <= ABSURD * middle]
     usual = np.abs(step - middle) <= USUAL * middle
     common = None
     if usual.mean() >= LEAST_USUAL:

@@ -12,6 +12,7 @@ from gyronorth.errors import InputError
 from gyronorth.readers.asking import OpenQuestion, ask
 from gyronorth.readers.axes import convention, mat_bf, mat_vb
 from gyronorth.readers.evidence import Fit, accel_fits, earth_words, gyro_fits, is_whole, norm_of_parts
+from gyronorth.readers.joining import accelerometer_beside
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions, increments_of
 from gyronorth.readers.source import FORCES, RATES, TIME, Question, Source
 from gyronorth.recording import AxesOrigin
@@ -112,6 +113,12 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
     )
 
 
+def forgotten_accelerometer(source: Source, options: ReadOptions, path: Path | str) -> Path | None:
+    """The accelerometer's file beside a gyroscope's, where nobody says what to do with it."""
+    declared = options.accel_file is not None or any(name in FORCES for name in options.columns or {})
+    return None if declared or FORCES[0] in source.columns else accelerometer_beside(Path(path))
+
+
 def _unit(sensor: str, declared: str | None, stated: str | None, usual: str | None, name: str) -> str | None:
     if declared and stated and declared != stated:
         raise InputError(
@@ -170,6 +177,9 @@ def _open(
         questions.append(Question(says, ("--increment-interval", f"{interval:g}")))
     if asks_rate:
         questions.append(Question(asks_rate, ("--rate", "HZ")))
+    beside = forgotten_accelerometer(source, options, path)
+    if beside is not None:
+        questions.append(Question(f"{beside.name} beside it is likely its accelerometer.", ("--accel", str(beside))))
     return ask(path, options, questions)
 
 
@@ -179,6 +189,9 @@ def _accel_question(values: NDArray[np.float64] | None, fits: list[Fit], options
         return Question(f". Declare it: --accel-unit {' or '.join(ACCEL_UNITS)}.", ("--accel-unit", "UNIT"))
     if not fits:
         size = norm_of_parts(values)
+        if is_whole(values) and size > 1 and options.accel_scale is None:
+            says = f"; they are whole numbers, as counts are, and at rest {size:.6g} of them are 1 g."
+            return Question(says, ("--accel-unit", "g", "--accel-scale", f"{1 / size:.10g}"), certain=False)
         says = f"; the norm of the mean is {size:.4g}, which is gravity in no unit that is known here."
         return Question(says, ("--accel-unit", "m/s2"), certain=False)
     fit = fits[0]

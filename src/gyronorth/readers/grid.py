@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.clock import Envelope, measure, width_of
 from gyronorth.readers.declared import Declared
+from gyronorth.readers.evidence import is_whole
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Source
 from gyronorth.readers.waiting import Rows, first_run, repeats
@@ -44,7 +45,9 @@ WRAPS = (
     (2.0**32 * 1e-6, "a 32-bit counter of microseconds overflows"),
     (2.0**32 * 1e-3, "a 32-bit counter of milliseconds overflows"),
 )
-#: Longest time before and after such a place, s.
+#: Where counters of samples start again from 0.
+COUNTER_WRAPS = tuple((2.0**bits, f"a counter of {bits} bits overflows") for bits in (8, 16, 32))
+#: Longest time before and after such a place, s; of a counter, samples.
 AROUND_WRAP = 10.0
 #: So many rows in order behind one that runs backwards are a clock that started again, not rows out of order.
 RESTART_ROWS = 20
@@ -172,6 +175,8 @@ class GridBuilder:
 
     def _count_flags(self, numbers: NDArray[np.int64], positions: NDArray[np.int64]) -> None:
         """Rows inside the window that the unit marks."""
+        if not self._marks:
+            return
         inside = numbers[(positions >= self._window[0]) & (positions < self._window[1])]
         for rows, flags in self._marks:
             self.flagged += flags[np.isin(rows, inside)].sum(axis=0)
@@ -334,9 +339,16 @@ class GridBuilder:
         described = [(int(block.rows[i]), self._why(block.values[i], data[i])) for i in shown]
         if len(wrong) > len(data) / 2:
             row, why = described[0]
+            lead = f"Row {row} of {self._source.name}: {why}. {len(wrong)} of {len(data)} rows are like it"
+            values = block.values[:, block.values.shape[1] - data.shape[1] :]
+            if is_whole(values) and np.abs(values).max() > 1:
+                raise InputError(
+                    f"{lead}, and all are whole numbers, as counts are: the data sheet says how much one is. Declare "
+                    "it: --gyro-scale and --accel-scale, each in the unit of the file."
+                )
             raise InputError(
-                f"Row {row} of {self._source.name}: {why}. {len(wrong)} of {len(data)} rows are like it: are columns "
-                "and units declared right? (A sensor that is absent can be left out: --columns f_x=-,f_y=-,f_z=-.)"
+                f"{lead}: are columns and units declared right? (A sensor that is absent can be left out: --columns "
+                "f_x=-,f_y=-,f_z=-.)"
             )
         reasons += described
         return usable
@@ -405,11 +417,12 @@ class GridBuilder:
     def _over_wraps(self, raw: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.float64]:
         """Steps across the places where clocks start again from 0: a GPS week, a day, a counter's end."""
         clock = self._source.clock
-        if clock is None or clock.unit is None or clock.wrap is not None:
+        if clock is None or clock.wrap is not None:
             return step
-        around = AROUND_WRAP / clock.unit
-        for seconds, words in WRAPS:
-            wrap = seconds / clock.unit
+        unit = 1.0 if clock.unit is None else clock.unit
+        around = AROUND_WRAP / unit
+        for whole, words in COUNTER_WRAPS if clock.unit is None else WRAPS:
+            wrap = whole / unit
             at = (step < 0) & (raw[:-1] > wrap - around) & (raw[:-1] < wrap + 2 * self._interval) & (raw[1:] < around)
             at &= (raw[1:] >= 0) & (step + wrap > 0)
             if at.any():

@@ -6,8 +6,10 @@ where no sample is within `NEAR` the row is bad. Without clocks the rows belong 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,24 @@ from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block,
 
 #: Longest time from a gyroscope's sample to an accelerometer's, s: a unit at rest feels the same until then.
 NEAR = 0.5
+#: What a gyroscope's file and an accelerometer's have in their names.
+_GYRO = re.compile(r"gyr(?:o(?:scope)?)?(?![a-z])", re.IGNORECASE)
+_ACCEL = ("acc", "accel", "acceleration", "accelerometer")
+
+
+def accelerometer_beside(gyro: Path) -> Path | None:
+    """The file in the same folder that is named as a gyroscope's is, but for an accelerometer; None without just one.
+
+    gyro-0.csv has accel-0.csv beside it, Gyroscope.csv Accelerometer.csv.
+    """
+    match = _GYRO.search(gyro.stem)
+    if match is None or not gyro.is_file():
+        return None
+    before, after = gyro.name[: match.start()], gyro.name[match.end() :]
+    words = {form(word) for word in _ACCEL for form in (str.lower, str.capitalize, str.upper)}
+    found = [path for word in sorted(words) if (path := gyro.with_name(before + word + after)).is_file()]
+    same = {path.stat().st_ino for path in found}  # on file systems that do not tell capitals apart
+    return found[0] if len(same) == 1 else None
 
 
 def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Source:

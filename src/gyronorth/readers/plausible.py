@@ -299,6 +299,6 @@ def _white_noise(gyro: NDArray[np.float64], rate_hz: float) -> float:
     """Angle random walk, rad/sqrt(s), from first differences: their median size ignores a drive."""
     if len(gyro) < 2:
         return 0.0
-    size = median(np.abs(np.diff(gyro, axis=0)), axis=0)
+    size = np.array([median(np.abs(np.diff(axis))) for axis in gyro.T])  # one at a time: of the recording's size
     # A Gaussian difference of standard deviation s sqrt(2) has a median size of 0.6745 s sqrt(2).
     return float(median(size)) / (0.6745 * np.sqrt(2)) / np.sqrt(rate_hz)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import in_axes
-from gyronorth.readers.declared import Declared, resolve
+from gyronorth.readers.declared import Declared, forgotten_accelerometer, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_flags, check_units
@@ -142,6 +143,12 @@ class Reading:
         self.progress = progress
         self.source: Source = open_source(path, options)
         self.declared: Declared = resolve(self.source, options, path)
+        if (beside := forgotten_accelerometer(self.source, options, path)) is not None:
+            message = (
+                f"{beside.name} lies beside {self.source.name} and is likely its accelerometer, which was left out: "
+                f"--accel {shlex.quote(str(beside))} takes it."
+            )
+            self.source = replace(self.source, notes=(*self.source.notes, Note("accelerometer_beside", message)))
         self.regulariser = GridBuilder(self.source, self.declared, options)
         self.length_notes: tuple[Note, ...] = ()
 
@@ -276,9 +283,10 @@ class Reading:
             )
             notes += (Note("time_jitter", message, value=self.regulariser.jitter, limit=JITTER),)
         if counts.wraps:
+            causes = " and as ".join(dict.fromkeys(counts.wraps))
             message = (
-                f"The clock of {self.source.name} starts again from 0 as {' and as '.join(counts.wraps)}; the samples "
-                "are taken to go on without a break."
+                f"The clock of {self.source.name} starts again from 0 as {causes}; the samples are taken to go on "
+                "without a break."
             )
             notes += (Note("time_wraps", message, value=float(len(counts.wraps))),)
         return notes

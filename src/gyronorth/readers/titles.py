@@ -35,7 +35,7 @@ ANGLE_WORDS = (
 ACCEL_WORDS = (
     ("accel",), ("acc",), ("accelerometer",), ("acceleration",), ("accelero",), ("specific", "force"), ("specforce",),
     ("sf",), ("fb",), ("fib",), ("fibb",), ("force",), ("accelerations",), ("linear", "acceleration"),
-    ("linearacceleration",), ("specificforce",),
+    ("linearacceleration",), ("specificforce",), ("accl",), ("accs",), ("proper", "acceleration"),
 )  # fmt: skip
 VELOCITY_WORDS = (
     ("dvel",), ("delta", "v"), ("deltav",), ("delta", "velocity"), ("deltavelocity",), ("delta", "vel"), ("delvel",),
@@ -57,7 +57,7 @@ TIME_WORDS = frozenset(
     """
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
-    datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod
+    datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
     """.split()  # noqa: SIM905
 )
 COUNTER_WORDS = frozenset(
@@ -72,6 +72,9 @@ _BODY_RATES = {
     f"{name}{rate}": axis for axis, name in enumerate(("roll", "pitch", "yaw")) for rate in ("rate", "rates")
 }
 _BODY_RATES |= {"p": 0, "q": 1, "r": 2}
+#: Body axes in words, of a title that has no x, y or z. Which way each points, the title need not say.
+_DIRECTIONS = {"forward": 0, "front": 0, "fwd": 0, "longitudinal": 0, "long": 0, "right": 1, "left": 1, "lateral": 1,
+               "lat": 1, "transverse": 1, "down": 2, "up": 2, "vertical": 2, "vert": 2}  # fmt: skip
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]")
 _GLUED = re.compile(r"(.*[a-z])([xyz])")
@@ -186,6 +189,9 @@ def _axis(words: list[str]) -> tuple[int | None, list[str]]:
         match = _GLUED.fullmatch(words[i])
         if match and (match[1] in _STEMS or (i == 0 and match[1] in (*GYRO_LETTERS, *ACCEL_LETTERS, "d"))):
             return _AXES[match[2]], [*words[:i], match[1], *words[i + 1 :]]
+    at = [i for i, word in enumerate(words) if word in _DIRECTIONS]
+    if len(at) == 1 and _STEMS & set(words):
+        return _DIRECTIONS[words[at[0]]], words[: at[0]] + words[at[0] + 1 :]
     digits = [i for i, word in enumerate(words) if word in ("0", "1", "2", "3")]
     if digits and digits[-1] == len(words) - 1:
         return int(words[-1]), words[:-1]  # put right by `triples`, which knows whether they count from 0 or 1

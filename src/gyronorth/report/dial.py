@@ -7,6 +7,7 @@ from math import cos, degrees, radians, sin
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from gyronorth.arrays import Array
     from gyronorth.estimate import Pose
 
 #: Half a quadrant, rad: a pose turned by exactly 90 deg is in the middle of the second.
@@ -31,6 +32,14 @@ def arc_path(low_deg: float, high_deg: float, radius: float) -> str | None:
     width = (high_deg - low_deg) % 360
     start, end = on_circle(low_deg, radius), on_circle(low_deg + width, radius)
     return f"M{start} A{radius:g} {radius:g} 0 {int(width > 180)} 1 {end}"
+
+
+def density_path(heading: Array, density: Array, radius: float, height: float) -> str:
+    """Path of a density that stands on the circle: its highest value is `height`; angles in rad, clockwise in order."""
+    size = radius + height * density / density.max()
+    outer = [on_circle(degrees(angle), length) for angle, length in zip(heading, size, strict=True)]
+    inner = [on_circle(degrees(angle), radius) for angle in heading[::-1]]
+    return f"M{' L'.join([*outer, *inner])} Z"
 
 
 def quadrant_seconds(poses: Sequence[Pose]) -> list[float]:

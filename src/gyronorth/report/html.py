@@ -15,7 +15,7 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.report.checks import limit_text, share, value_text
 from gyronorth.report.comparison import Opinion
-from gyronorth.report.dial import arc_path, on_circle, quadrant_seconds, sector_path
+from gyronorth.report.dial import arc_path, density_path, on_circle, quadrant_seconds, sector_path
 from gyronorth.report.figures import allan_figure, convergence_figure, svg_text
 from gyronorth.report.sensors import figure_texts
 from gyronorth.report.spectrum import Spectrum, spectrum_figure
@@ -33,7 +33,7 @@ from gyronorth.report.wording import (
 
 if TYPE_CHECKING:
     from gyronorth.allan import AllanDeviation
-    from gyronorth.estimate import Convergence, HeadingEstimate
+    from gyronorth.estimate import Convergence, HeadingDensity, HeadingEstimate
     from gyronorth.sensor import Sensor
 
 
@@ -83,7 +83,7 @@ def heading_page(
             true_deg=true_deg,
             error_deg=error_deg,
             bars=_bars(doc),
-            dial=_dial(doc),
+            dial=_dial(doc, estimate.posterior),
             convergence_svg=svg_text(figure, salt="convergence"),
             allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
             spectrum_svg=None if spectrum is None else _spectrum(spectrum, sensor),
@@ -178,10 +178,18 @@ def _disturbance(estimate: HeadingEstimate) -> list[tuple[str, str]]:
     return rows
 
 
-def _dial(doc: dict[str, Any]) -> dict[str, Any]:
-    """A compass card: path of the 95 % sector and the tip of the needle on a circle of radius 80."""
+def _dial(doc: dict[str, Any], posterior: HeadingDensity | None) -> dict[str, Any]:
+    """A compass card: path of the 95 % sector, of the density, and the tip of the needle on a circle of radius 80."""
     low, high = doc["interval95_deg"]
     sector = sector_path(low, high, 80)
     needle = None if doc["heading_deg"] is None else on_circle(doc["heading_deg"], 74)
     ticks = [(on_circle(angle, 80), on_circle(angle, 72 if angle % 90 else 68)) for angle in range(0, 360, 30)]
-    return {"whole": sector is None, "sector": sector, "arc": arc_path(low, high, 80), "needle": needle, "ticks": ticks}
+    density = None if posterior is None else density_path(posterior.heading, posterior.density, 80, 18)
+    return {
+        "whole": sector is None,
+        "sector": sector,
+        "density": density,
+        "arc": arc_path(low, high, 80),
+        "needle": needle,
+        "ticks": ticks,
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
-from typing import TextIO
+from typing import Any, TextIO
 
 from gyronorth.report.tables import Outcome
 from gyronorth.report.wording import heading_lines, heading_text, number_text, printable
@@ -38,6 +38,24 @@ def print_lines(lines: Sequence[tuple[str, str]], stream: TextIO) -> None:
     """Print (label, text) pairs as aligned plain text."""
     width = max(len(label) for label, _ in lines)
     stream.writelines(f"{label:<{width}}  {printable(text)}".rstrip() + "\n" for label, text in lines)
+
+
+def print_files(columns: Sequence[str], outcomes: Sequence[Any], stream: TextIO) -> None:
+    """Print one row per file: cells of its table, or that it failed; why, as numbered notes below."""
+    notes: dict[str, int] = {}
+    rows = []
+    for outcome in outcomes:
+        cells, message = outcome.row(), outcome.message
+        error = f"error [{notes.setdefault(message, len(notes) + 1)}]" if message else ""
+        texts = [cell_text(cells.get(column)) for column in columns]
+        rows.append((outcome.file, *(texts if not message else [error, *texts[1:]])))
+    print_table(("file", *columns), rows, stream)
+    stream.writelines(f"[{number}] error: {printable(note)}\n" for note, number in notes.items())
+
+
+def cell_text(value: Any) -> str:
+    """A cell for people: numbers to six digits."""
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def print_table(

@@ -20,7 +20,6 @@ from itertools import pairwise
 from typing import cast
 
 import numpy as np
-from scipy.signal import lfilter
 
 from gyronorth.arrays import Array
 from gyronorth.sensor.model import TriadErrors, flicker_components
@@ -162,6 +161,8 @@ def _knots(samples: int, stride: int) -> int:
 
 def _markov(variance: float, step: float, shape: tuple[int, int, int], *, rng: np.random.Generator) -> Array:
     """A stationary Gauss-Markov process at knots `step` time constants apart, exact."""
+    from scipy.signal import lfilter
+
     keep = np.exp(-step)
     noise = rng.standard_normal(shape)
     noise *= np.sqrt(variance)
@@ -215,6 +216,8 @@ class _IntervalMeans:
         self._state: Array = np.sqrt(memory) * rng.standard_normal((runs, 1, 3))
 
     def draw(self, samples: int, *, rng: np.random.Generator) -> Array:
+        from scipy.signal import lfilter
+
         noise = self._sigma * rng.standard_normal((self._state.shape[0], samples, 3))
         means, self._state = cast("tuple[Array, Array]", lfilter(self._b, self._a, noise, axis=1, zi=self._state))
         return means

@@ -17,6 +17,7 @@ from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
 from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
 from gyronorth.studies.published_transfer import TRANSFER
+from gyronorth.studies.real import REAL
 from gyronorth.studies.stress import STRESS
 from gyronorth.studies.study import Study, StudyPlan, write_study
 from gyronorth.studies.turned import TURNED
@@ -44,6 +45,7 @@ STUDIES: tuple[Study, ...] = (
     DISTURBED,
     LONG,
     STRESS,
+    REAL,
 )
 
 
@@ -80,7 +82,7 @@ def run_benchmark(
     Parameters
     ----------
     benchmark : str
-        `paper`, `published`, `turned`, `disturbed` or `stress`.
+        `paper`, `published`, `turned`, `disturbed`, `stress` or `real`.
     out : str or Path
         Folder of the results; it is made.
     executor : Executor

@@ -32,7 +32,7 @@ from gyronorth.studies.work import Job, Result
 
 #: Recordings of a cell and of a unit, their rate, Hz, and latitude, rad.
 RUNS, ROWS, RATE_HZ, LATITUDE = 100, 50, 10.0, np.radians(48.0)
-METHODS = ("auto", "posterior", "mean", "inertial")
+METHODS = ("auto", "mean", "inertial")
 #: Attitude of the units, one standard deviation, rad; lag of the wind, s.
 TILTED, LAG = np.radians(1.0), 3.0
 
@@ -244,7 +244,10 @@ def _report(_plan: StudyPlan, results: Mapping[str, Result]) -> Report:
             parts = [results[name] for name in sorted(results) if name.startswith(stem)]
             if parts:
                 rows.append(_row(cell, method, parts))
-    return Report(TEXT, (Table("Beyond the profile", COLUMNS, tuple(rows)),))
+    told = {row[0] for row in rows if row[1] == "auto"}
+    left = [cell.name for cell in cells() if cell.name not in told]
+    missing = f" Not run here: {'; '.join(left)}." if left else ""
+    return Report(TEXT + missing, (Table("Beyond the profile", COLUMNS, tuple(rows)),))
 
 
 COLUMNS = (

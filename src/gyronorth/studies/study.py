@@ -107,15 +107,28 @@ class Study:
 
     name: str  # of its files
     title: str
-    benchmark: str  # the command that it belongs to: paper, published, turned or disturbed
+    benchmark: str  # the command that it belongs to: paper, published, turned, disturbed, stress or real
     units: Callable[[StudyPlan], list[Job]]
     report: Callable[[StudyPlan, Mapping[str, Result]], Report]  # of the results by unit name
     floor: Callable[[StudyPlan, Table], str] = lambda _plan, _table: ""  # a line below a table of heading errors
+    described: Callable[[StudyPlan], Any] | None = None  # what it was run on, where that does not ship
 
     @property
     def on_recordings(self) -> bool:
         """Whether it is about the plan's recordings; the others simulate their own."""
         return self.benchmark in ("paper", "published")
+
+    def recordings(self, plan: StudyPlan) -> Any:
+        """What it is run on, for its file.
+
+        Raises
+        ------
+        InputError
+            If the recordings are not there.
+        """
+        if self.described is not None:
+            return self.described(plan)
+        return plan.source().get("data", "published twin")
 
     def markdown(self, table: Table, plan: StudyPlan) -> str:
         """A table of the report as a reader sees it, with the floor of its heading errors below."""
@@ -136,7 +149,7 @@ def write_study(study: Study, plan: StudyPlan, results: Mapping[str, Result], fo
         "data_sha256": data_sha256(),
         "command": command,
         "plan": asdict(plan),
-        "recordings": plan.source().get("data", "published twin"),
+        "recordings": study.recordings(plan),
         "text": text,
         "tables": [table.to_json() for table in report.tables],
         "curves": report.curves,

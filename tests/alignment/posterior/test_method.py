@@ -7,7 +7,9 @@ import pytest
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.pipeline import heading
-from gyronorth.simulation import simulate
+from gyronorth.recording import Recording
+from gyronorth.sensor import read_sensor
+from gyronorth.simulation import Motion, simulate, simulate_batch
 
 
 def recording(sensor, latitude_deg, seed, duration=100.0):
@@ -54,3 +56,47 @@ def test_it_says_how_far_a_unit_is_from_its_profile():
     assert "times its profile" in found.method_reason
     low, high = found.interval95
     assert (1.0 - low) % (2 * np.pi) <= (high - low) % (2 * np.pi)
+
+
+def test_the_density_is_handed_on_and_holds_what_the_interval_says():
+    found = heading(recording("isa100c", 48, 4), latitude=np.radians(48), sensor="isa100c")
+    angle = np.unwrap(found.posterior.heading) - found.heading
+    angle -= 2 * np.pi * np.round(np.mean(angle) / (2 * np.pi))
+    step = np.diff(angle)
+    np.testing.assert_allclose(step, step[0], rtol=1e-6)
+    mass = found.posterior.density * step[0]
+    assert mass.sum() == pytest.approx(1, rel=1e-9)
+    assert mass @ np.sin(angle) == pytest.approx(0, abs=1e-3 * found.sigma)
+    assert np.sqrt(mass @ angle**2) == pytest.approx(found.sigma, rel=0.02)
+    low, high = (end - found.heading for end in found.interval95)
+    assert np.interp(high, angle, np.cumsum(mass)) - np.interp(low, angle, np.cumsum(mass)) == pytest.approx(
+        0.95, abs=0.02
+    )
+    asked = found.to_json(posterior=True)["posterior"]
+    np.testing.assert_allclose(asked["heading_deg"], np.degrees(found.posterior.heading), atol=1e-6)
+    np.testing.assert_allclose(asked["density_per_deg"], np.radians(found.posterior.density), rtol=1e-5)
+    assert "posterior" not in found.to_json()
+    mean = heading(recording("isa100c", 48, 4), latitude=np.radians(48), sensor="isa100c", method="mean")
+    assert mean.to_json(posterior=True)["posterior"] is None
+
+
+@pytest.mark.parametrize("accel", [True, False])
+def test_a_nudge_in_azimuth_refuses_nothing_and_the_heading_is_that_at_the_end(accel):
+    """The step of the yaw is no vertical rate: as a mean it would be 0.3 deg in 300 s, a quarter of Earth rate."""
+    latitude, rate_hz, nudge = np.radians(48), 2.0, np.radians(0.3)
+
+    def moves(times, *, runs, rng):
+        angle = np.zeros((runs, len(times), 3))
+        angle[:, times > 140, 2] = nudge
+        return angle
+
+    gyro_b, accel_b = simulate_batch(
+        read_sensor("isa100c"), runs=12, latitude=latitude, heading=np.full(12, 1.0), duration=300.0, rate_hz=rate_hz,
+        rng=np.random.default_rng(8), motion=Motion(disturbance=moves), accel=accel,
+    )  # fmt: skip
+    records = [Recording(g, None if accel_b is None else accel_b[i], rate_hz) for i, g in enumerate(gyro_b)]
+    found = [heading(one, latitude=latitude, sensor="isa100c") for one in records]
+    assert all(one.valid for one in found)
+    arcs = [(one.interval95[0], np.diff(one.interval95)[0] % (2 * np.pi)) for one in found]
+    assert sum((1.0 + nudge - low) % (2 * np.pi) <= wide for low, wide in arcs) >= 9
+    assert np.mean([one.sigma for one in found]) < np.radians(1.0)

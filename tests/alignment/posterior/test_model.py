@@ -7,8 +7,9 @@ import pytest
 from scipy import stats
 
 from gyronorth.alignment.posterior.blocks import COUNT, blocks_of
+from gyronorth.alignment.posterior.explain import weigh
 from gyronorth.alignment.posterior.law import FINE, block_operators, law
-from gyronorth.alignment.posterior.model import posterior, weigh
+from gyronorth.alignment.posterior.model import posterior
 from gyronorth.alignment.posterior.tones import by_periodogram, explained_by, shows_tones
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.pipeline import heading

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.alignment.error_budget import claimed_variance, concluded
+from gyronorth.alignment.error_budget import claimed_variance, concluded, levelling_variance
 from gyronorth.alignment.inertial import align_inertial
 from gyronorth.alignment.methods.mean import NOISE_MISFIT
 from gyronorth.alignment.problem import Problem
@@ -32,7 +32,10 @@ class Inertial:
         measured = attitude.measured_variance
         assert measured is not None
         if problem.sensor is None:
-            variance = {"noise": measured * (STUDENT14_975 / NORMAL_975) ** 2}
+            variance = {
+                "noise": measured * (STUDENT14_975 / NORMAL_975) ** 2,
+                "levelling": levelling_variance(problem),
+            }
         else:
             variance = claimed_variance(problem, "inertial")
             claimed = variance["noise"] + variance["drift"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.alignment.error_budget import claimed_variance, concluded
+from gyronorth.alignment.error_budget import claimed_variance, concluded, levelling_variance
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import Options
 from gyronorth.alignment.result import Result
@@ -25,7 +25,7 @@ class Mean:
         motion = problem.motion
         white = motion.white
         if problem.sensor is None:
-            variance = {"noise": white, "sway": motion.variance}
+            variance = {"noise": white, "sway": motion.variance, "levelling": levelling_variance(problem)}
         else:
             variance = claimed_variance(problem, "mean")
             misfit = motion.white_is_noise & (white > NOISE_MISFIT * variance["noise"])

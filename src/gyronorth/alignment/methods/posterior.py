@@ -14,7 +14,7 @@ from gyronorth.alignment.error_budget import (
     horizontal_earth_rate,
 )
 from gyronorth.alignment.posterior.blocks import COUNT
-from gyronorth.alignment.posterior.model import HeadingDensity, posterior
+from gyronorth.alignment.posterior.model import Inferred, posterior
 from gyronorth.alignment.posterior.tones import Propose
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS, Options
@@ -73,7 +73,7 @@ def _network() -> Propose | None:
     return None if bundle.proposal is None else onnx_proposals(bundle.proposal)
 
 
-def _result(problem: Problem, found: HeadingDensity) -> Result:
+def _result(problem: Problem, found: Inferred) -> Result:
     density, signal = found.density, horizontal_earth_rate(problem.latitude)
     attitude = Attitude(np.asarray(density.heading), np.asarray(found.roll), np.asarray(found.pitch), found.rate_l)
     claimed = dict(found.variance)
@@ -106,6 +106,7 @@ def _result(problem: Problem, found: HeadingDensity) -> Result:
         variance,
         np.asarray(signal),
         why=_why(found, known=sensor is not None),
+        density=density.told(),
         judged=Judged(rate_l, np.asarray(believed), np.asarray(upright), limit),
         findings=_findings(found) if sensor is not None else (),
         disturbance=DisturbanceFound(
@@ -120,7 +121,7 @@ def _result(problem: Problem, found: HeadingDensity) -> Result:
     )
 
 
-def _why(found: HeadingDensity, *, known: bool) -> str:
+def _why(found: Inferred, *, known: bool) -> str:
     words = {"sway": "it sways", "tilt": "it tilts slowly", "settling": "the bias settles", "walk": "the bias walks"}
     told = [f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= TOLD]
     if known and max(found.scale, found.drift_scale) >= TOLD_SCALE:
@@ -128,7 +129,7 @@ def _why(found: HeadingDensity, *, known: bool) -> str:
     return "one pose, " + (", ".join(told) if told else "undisturbed")
 
 
-def _findings(found: HeadingDensity) -> tuple[Finding, ...]:
+def _findings(found: Inferred) -> tuple[Finding, ...]:
     scale = max(found.scale, found.drift_scale)
     if scale < TOLD_SCALE:
         return ()

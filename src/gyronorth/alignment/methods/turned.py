@@ -13,7 +13,6 @@ from gyronorth.attitude import mat_lb
 from gyronorth.catalogue import method_info
 from gyronorth.estimate import Pose, SensorErrors, Turn
 from gyronorth.findings import Finding
-from gyronorth.uncertainty import von_mises
 
 #: Residuals over the noise law, root mean square, above which poses and turns contradict each other.
 MISFIT_LIMIT = 5.0
@@ -33,6 +32,7 @@ class Turned:
             latitude=problem.latitude,
             errors=problem.sensor,
             turn_angles=options.turn_angles,
+            turn_angle_sigma=options.turn_angle_sigma,
             segments=problem.segments,
         )
         signal = horizontal_earth_rate(problem.latitude)
@@ -45,7 +45,7 @@ class Turned:
         return Result(
             "turned",
             attitude,
-            Posterior.symmetric(*von_mises(np.asarray(1 / max(fit.sigma, 1e-12) ** 2))),
+            Posterior(np.asarray(fit.sigma), *(np.asarray(end) for end in fit.interval95)),
             {name: np.asarray((value * signal) ** 2) for name, value in fit.sigma_parts.items()},
             np.asarray(signal),
             refusals=_refusals(fit),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gyronorth.arrays import Array, Index
+from gyronorth.arrays import Array, Index, Mask
 from gyronorth.attitude import level, mat_lb
 from gyronorth.conditioning import block_means, decimate
 
@@ -100,18 +100,28 @@ def _without_turn(rate: Array, step: float) -> tuple[Array, Array]:
     """Rates in the level frame that the unit ends in, and the yaw (r, n) from there, rad.
 
     A nudge is no change of the Earth rate. The yaw is the integral of the vertical rate off its median over blocks,
-    which a turn within a block leaves alone.
+    which a turn within a block leaves alone; that median also stands for the vertical rate while it is nudged, since
+    a step is no noise of the rate.
     """
     whole = max(rate.shape[1] // COUNT, 1)
     steady = np.median(block_means(rate[..., 2:], whole), axis=1)
     turn = (rate[..., 2] - steady) * step
     yaw = np.cumsum(turn, axis=1) - turn / 2  # in the middle of each sample
-    yaw = yaw - _last_yaw(block_means(yaw[..., None], max(rate.shape[1] // YAW_BLOCKS, 1))[..., 0])[:, None]
-    return np.concatenate([_turned(rate[..., :2], yaw), rate[..., 2:]], axis=-1), yaw
+    size = max(rate.shape[1] // YAW_BLOCKS, 1)
+    last, first = _last_yaw(block_means(yaw[..., None], size)[..., 0])
+    yaw = yaw - last[:, None]
+    sample: Index = np.asarray(np.arange(rate.shape[1]), dtype=int)
+    start: Index = np.asarray(size * first[:, None], dtype=int)
+    upright = rate[..., 2].copy()
+    nudged: Mask = np.asarray((sample >= start) & (sample < start + 2 * size), dtype=bool)
+    np.copyto(upright, steady, where=nudged)
+    return np.concatenate([_turned(rate[..., :2], yaw), upright[..., None]], axis=-1), yaw
 
 
-def _last_yaw(yaw: Array) -> Array:
+def _last_yaw(yaw: Array) -> tuple[Array, Index]:
     """Yaw (r,) in which a unit ends whose yaw has the block means (r, k), rad: the mean, or that after a nudge.
+
+    The nudge is in the block of the second array or the next one; in none where that is before the first.
 
     It was nudged where one step explains nearly all of its variance; sway has its mean at no particular time.
     """
@@ -126,7 +136,8 @@ def _last_yaw(yaw: Array) -> Array:
     # The block of the step itself is left out where another follows.
     first = np.minimum(best + 2, k - 1)
     settled: Array = (total[:, -1] - np.take_along_axis(total, first[:, None] - 1, axis=1)[:, 0]) / (k - first)
-    return np.asarray(np.where(share > NUDGED, settled, whole), dtype=float)
+    nudged = share > NUDGED
+    return np.asarray(np.where(nudged, settled, whole), dtype=float), np.where(nudged, best, -2)
 
 
 def _turned(vector: Array, yaw: Array) -> Array:

@@ -8,11 +8,16 @@ import numpy as np
 
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array
+from gyronorth.estimate import HeadingDensity
 
 #: Points of the density on the circle, or on the part of it that holds the mass.
 POINTS = 1024
 #: Bins of concentration, relative: two laws in one bin differ by 5 % in kappa at most.
 BIN = 0.1
+#: Points that are handed on.
+TOLD = 256
+#: Most mass that may be left off the grid, for what is left to stand on it finely.
+FAR_MASS = 1e-3
 #: Mass of the interval.
 MASS = 0.95
 
@@ -27,6 +32,11 @@ class Density:
     high: float
     grid: Array  # (POINTS,) rad from `heading`
     density: Array  # (POINTS,) 1/rad
+
+    def told(self) -> HeadingDensity:
+        """The same at `TOLD` points, each the mean of its neighbours, so that its integral stays 1."""
+        grid, density = (np.asarray(each.reshape(TOLD, -1).mean(axis=1)) for each in (self.grid, self.density))
+        return HeadingDensity(np.asarray(wrap_heading(self.heading + grid)), density)
 
 
 def log_i0e(x: Array) -> Array:
@@ -52,6 +62,15 @@ def mixture(centre: Array, concentration: Array, weight: Array) -> Density:
     pull = weight * kappa / np.sqrt(4 + kappa**2)  # a weight that grows as the mean resultant length does
     mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
     off = (centre - mean + np.pi) % (2 * np.pi) - np.pi
+    # What lies far off and weighs next to nothing would cost all of the grid's resolution.
+    each = np.abs(off) + 9 / np.sqrt(kappa)
+    order = np.argsort(each)
+    inner = order[: int(np.searchsorted(np.cumsum(weight[order]), 1 - FAR_MASS)) + 1]
+    far = 0.0
+    if each[order[-1]] >= np.pi / 3 > each[inner].max():
+        outer = order[len(inner) :]
+        far = float(weight[outer] @ np.minimum(off[outer] ** 2 + 1 / kappa[outer], np.pi**2))
+        off, kappa, weight = off[inner], kappa[inner], weight[inner] / weight[inner].sum()
     reach = float(np.max(np.where(weight > 1e-9, np.abs(off) + 9 / np.sqrt(kappa), 0.0)))
     if reach < np.pi / 3:
         spread = float(np.sqrt(weight @ (off**2 + 1 / kappa)))
@@ -70,10 +89,11 @@ def mixture(centre: Array, concentration: Array, weight: Array) -> Density:
     kernels = np.exp(np.exp(numbers * BIN)[:, None] * (np.cos(angle) - 1))
     kernels = np.fft.ifftshift(kernels / kernels.sum(axis=1, keepdims=True), axes=1)
     wave = np.sum(np.fft.rfft(lines.reshape(-1, POINTS), axis=1) * np.fft.rfft(kernels, axis=1), axis=0)
-    return _read(np.maximum(np.fft.irfft(wave, POINTS), 0), mean, reach, step)
+    return _read(np.maximum(np.fft.irfft(wave, POINTS), 0), mean, reach, step, far)
 
 
-def _read(mass: Array, mean: float, reach: float, step: float) -> Density:
+def _read(mass: Array, mean: float, reach: float, step: float, far: float) -> Density:
+    """What the grid holds; `far` is the share of the variance, rad^2, that lies beyond it."""
     mass = mass / mass.sum()
     grid = np.asarray((np.arange(POINTS) + 0.5) * step - reach, dtype=float)
     middle = float(np.arctan2(mass @ np.sin(grid), mass @ np.cos(grid)))
@@ -85,7 +105,7 @@ def _read(mass: Array, mean: float, reach: float, step: float) -> Density:
     start = grid[0] - step / 2
     return Density(
         heading=float(wrap_heading(mean + middle)),
-        sigma=float(np.sqrt(mass @ grid**2)),
+        sigma=float(np.sqrt(mass @ grid**2 + far)),
         low=min(low + start, 0.0),
         high=max(high + start, 0.0),
         grid=grid,

@@ -22,28 +22,29 @@ from gyronorth.sensor.law import NoiseLaw
 
 #: In-run drift over the profile's, and the prior of each.
 DRIFTS = (0.1, 0.3, 1.0, 3.0, 10.0)
-DRIFT_PRIOR = (0.04, 0.06, 0.85, 0.035, 0.015)
+DRIFT_PRIOR = (0.04, 0.06, 0.86, 0.03, 0.01)
 #: Broadband motion: tilt, rad rms per axis, and correlation time over the duration.
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
-#: Where tones were fitted, broadband motion is what they leave: every second size at two of the times.
+#: Where tones or bumps were fitted, broadband motion is what they leave: every second size at two of the times.
 SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
 #: Probability of broadband motion, with and without an accelerometer that would show it.
-SWAY, SWAY_UNSEEN = 0.08, 0.05
+SWAY, SWAY_UNSEEN = 0.08, 0.04
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
-TILT, TILT_UNSEEN = 0.5, 0.03
+TILT, TILT_UNSEEN = 0.5, 0.015
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.08, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.3, 0.3, 0.28, 0.12)
+SETTLING, SETTLING_SIZES = 0.09, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.22, 0.25, 0.43, 0.1)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
 WALK, WALK_SIZES, WALK_MODES = 0.02, (3.0, 10.0), 6
-#: Yaw of the platform: rms, rad, and correlation time over the duration.
+#: Yaw of the platform: probability, rms, rad, and correlation time over the duration.
+YAW = 0.2
 YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
 YAW_TIMES = (0.01, 0.1, 1.0)
 #: Rotation of a bump, rad.
@@ -76,7 +77,7 @@ class Shapes:
 class Axis:
     """Whitened bases of one kind of axis."""
 
-    whiten: Array  # (b, d, d) lower triangular
+    whiten: Array  # (b, d, d) root of the inverse covariance
     constant: Array  # (b, d) whitened
     columns: Array  # (b, d, c) whitened
     information: Array  # (b,) of the constant
@@ -123,50 +124,51 @@ def law_of(
     gyro, duration = sensor.gyro, seconds * COUNT
     scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
     shapes = _shapes(seconds, scale, accel=accel)
-    both = block_operators(seconds, accel=accel)
-    samples = both @ _white(gyro, seconds) @ both.T if white is None else white
-    swaying = sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
-    noise = [samples + _drift(gyro, factor, seconds, accel=accel) for factor in DRIFTS]
-    for own in noise:
-        own[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
-        own[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
-        own[:COUNT, :COUNT] += swaying
+    samples = _white(gyro.white, gyro.quantisation, seconds, accel=accel) if white is None else white
+    base = samples.copy()
+    base[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
+    base[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
+    base[:COUNT, :COUNT] += sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
     if accel:
-        edges = np.arange(COUNT + 1)
-        level = replace(sensor.accel, turn_on_bias=0.0)
-        force = NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
-        for own in noise:
-            own[COUNT:, COUNT:] += force + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
+        base[COUNT:, COUNT:] += _force(sensor.accel, seconds) + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
+    noise = np.array(
+        [base + factor**2 * _drift(_drifting(gyro, seconds, factor), seconds, accel=accel) for factor in DRIFTS]
+    )
     some = SWAY if accel else SWAY_UNSEEN
-    sizes, lags = (SWAYS, SWAY_TIMES) if white is None else (SWAYS_LEFT, SWAY_TIMES_LEFT)
+    fitted = white is not None or bool(tones) or bool(bumped)
+    sizes, lags = (SWAYS_LEFT, SWAY_TIMES_LEFT) if fitted else (SWAYS, SWAY_TIMES)
     sways = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
-    motion = [size**2 * _motion(seconds, time * duration) for size, time in sways]
-    bases = [
-        (own, moved, d, tilt) for d, own in enumerate(noise) for (tilt, _), moved in zip(sways, motion, strict=True)
-    ]
-    covariances = np.array([_added(own, moved) for own, moved, _, _ in bases])
-    prior = [np.log(1 - some) if tilt == 0 else np.log(some / (len(sways) - 1)) for _, _, _, tilt in bases]
+    motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
     yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
-    upright: list[Array] = []
-    yaw_drift: list[int] = []
-    yaw_prior: list[float] = []
-    for d, own in enumerate(noise):
-        for yaw, time in yaws:
-            upright.append(own[:COUNT, :COUNT] + yaw**2 * _motion(seconds, time * duration))
-            yaw_drift.append(d)
-            yaw_prior.append(np.log(0.8) if yaw == 0 else np.log(0.2 / (len(yaws) - 1)))
-    walk = _walk_modes() * scale
+    turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
+    base_drift, base_sway = _paired(len(sways))
+    yaw_drift, base_yaw = _paired(len(yaws))
+    walk, trace = _walk_modes() * scale, shapes.trace if accel else None
     return Law(
-        horizontal=_axis(covariances, shapes.gyro, shapes.trace if accel else None, walk, seconds),
-        vertical=_axis(np.array(upright), shapes.gyro, None, walk, seconds),
-        drift=np.array([d for _, _, d, _ in bases]),
-        sway=np.array([tilt for _, _, _, tilt in bases]),
-        log_prior=np.array(prior),
-        yaw_drift=np.array(yaw_drift),
-        yaw_log_prior=np.array(yaw_prior),
+        horizontal=_axis(noise, base_drift, motion[base_sway], shapes.gyro, trace, walk, seconds),
+        vertical=_axis(noise[:, :COUNT, :COUNT], yaw_drift, turning[base_yaw], shapes.gyro, None, walk, seconds),
+        drift=base_drift,
+        sway=np.array([tilt for tilt, _ in sways])[base_sway],
+        log_prior=_log_prior(some, base_drift, base_sway),
+        yaw_drift=yaw_drift,
+        yaw_log_prior=_log_prior(YAW, yaw_drift, base_yaw),
         shapes=shapes,
         bias=scale,
     )
+
+
+def _paired(motions: int) -> tuple[Index, Index]:
+    """Numbers of drift and motion of each base: what drifts less than its profile is only told where nothing moves."""
+    pairs = [(d, m) for d, factor in enumerate(DRIFTS) for m in range(motions) if factor >= 1 or m == 0]
+    drift, motion = np.array(pairs).T
+    return drift, motion
+
+
+def _log_prior(some: float, drift: Index, motion: Index) -> Array:
+    """Log probability of each base's motion given its drift, that of any motion being `some`."""
+    moving = np.bincount(drift, weights=motion > 0)[drift]
+    still = np.where(moving > 0, 1 - some, 1.0)
+    return np.asarray(np.log(np.where(motion > 0, some / np.maximum(moving, 1), still)), dtype=float)
 
 
 def _tone(seconds: float, frequency: float, size: float) -> Array:
@@ -178,20 +180,37 @@ def _tone(seconds: float, frequency: float, size: float) -> Array:
     return np.asarray(columns @ columns.T / 2, dtype=float)
 
 
-def _white(gyro: TriadErrors, seconds: float) -> Array:
-    fine = np.arange(FINE * COUNT + 1)
-    return NoiseLaw(gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, drift=False)
+@lru_cache(maxsize=64)
+def _white(white: float, quantisation: float, seconds: float, *, accel: bool) -> Array:
+    """Covariance of the noise without memory."""
+    errors = TriadErrors(white=white, quantisation=quantisation)
+    return _blocked(NoiseLaw(errors), seconds, accel=accel)
+
+
+def _drifting(gyro: TriadErrors, seconds: float, factor: float) -> TriadErrors:
+    """The in-run drift alone; of a profile without any, in units of its bias where it is looked for."""
+    flicker = gyro.flicker
+    if gyro.flicker == 0 and gyro.random_walk == 0 and factor > 1:
+        flicker = max(0.1 * gyro.turn_on_bias, 0.02 * gyro.white / np.sqrt(seconds))
+    return replace(gyro, white=0.0, quantisation=0.0, turn_on_bias=0.0, flicker=flicker)
 
 
 @lru_cache(maxsize=64)
-def _drift(gyro: TriadErrors, factor: float, seconds: float, *, accel: bool) -> Array:
-    """Covariance of the in-run drift, `factor` times the profile's; of a profile without any, in units of its bias."""
-    fine = np.arange(FINE * COUNT + 1)
-    errors = replace(gyro, flicker=gyro.flicker * factor, random_walk=gyro.random_walk * factor)
-    if gyro.flicker == 0 and gyro.random_walk == 0 and factor > 1:
-        errors = replace(errors, flicker=factor * max(0.1 * gyro.turn_on_bias, 0.02 * gyro.white / np.sqrt(seconds)))
-    both = block_operators(seconds, accel=accel)
-    return both @ NoiseLaw(errors).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds, white=False) @ both.T
+def _drift(drifting: TriadErrors, seconds: float, *, accel: bool) -> Array:
+    return _blocked(NoiseLaw(drifting), seconds, accel=accel)
+
+
+def _blocked(noise: NoiseLaw, seconds: float, *, accel: bool) -> Array:
+    """Covariance of block means of the rate, then of its integral."""
+    fine, both = np.arange(FINE * COUNT + 1), block_operators(seconds, accel=accel)
+    return both @ noise.mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
+
+
+@lru_cache(maxsize=64)
+def _force(accel: TriadErrors, seconds: float) -> Array:
+    """Covariance of the tilt that the accelerometer sees without moving, block means, rad^2."""
+    edges, level = np.arange(COUNT + 1), replace(accel, turn_on_bias=0.0)
+    return NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
 
 
 @lru_cache(maxsize=8)
@@ -202,12 +221,6 @@ def block_operators(seconds: float, *, accel: bool) -> Array:
         return mean
     integral = (np.tri(FINE * COUNT) - 0.5 * np.eye(FINE * COUNT)) * seconds / FINE
     return np.concatenate([mean, np.asarray(mean @ integral, dtype=float)])
-
-
-def _added(own: Array, moved: Array) -> Array:
-    total = own.copy()
-    total[:COUNT, :COUNT] += moved
-    return total
 
 
 @lru_cache(maxsize=64)
@@ -284,24 +297,43 @@ def settling_share(tau: float) -> float:
     return FAST_SHARE / fast if tau <= FAST else (1 - FAST_SHARE) / (len(SETTLING_TIMES) - fast)
 
 
-def _axis(covariances: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float) -> Axis:
-    factor = np.linalg.cholesky(covariances)
-    whiten: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+def _axis(
+    noise: Array, drift: Index, motion: Array, gyro: Array, trace: Array | None, walk: Array, seconds: float
+) -> Axis:
+    """Bases of noises (n, d, d), by number (b,), with motions (b, COUNT, COUNT): the rate has them, the trace not.
+
+    The trace is whitened first, once for each noise, and the rate given the trace for each base.
+    """
+    n, d = len(noise), noise.shape[1]
     constant, columns, modes = np.ones(COUNT), gyro, walk
+    rate, log_det, beside = noise[:, :COUNT, :COUNT], np.zeros(n), np.zeros((n, COUNT, COUNT))
+    whiten = np.zeros((len(drift), d, d))
     if trace is not None:
         integral = (np.tri(COUNT) - 0.5 * np.eye(COUNT)) * seconds
         constant = np.concatenate([constant, integral @ constant])
         columns, modes = np.concatenate([gyro, trace]), np.concatenate([walk, integral @ walk])
+        factor = np.linalg.cholesky(noise[:, COUNT:, COUNT:])
+        root: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+        share = root @ noise[:, COUNT:, :COUNT]
+        rate = rate - np.swapaxes(share, 1, 2) @ share
+        whiten[:, COUNT:, COUNT:] = root[drift]
+        beside = np.swapaxes(share, 1, 2) @ root
+        log_det = np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    factor = np.linalg.cholesky(rate[drift] + motion)
+    own: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+    whiten[:, :COUNT, :COUNT] = own
+    if trace is not None:
+        whiten[:, :COUNT, COUNT:] = -own @ beside[drift]
     one, shaped = whiten @ constant, whiten @ columns
     return Axis(
         whiten=whiten,
         constant=one,
         columns=shaped,
         information=np.sum(one**2, axis=1),
-        cross=np.einsum("bd,bdc->bc", one, shaped),
+        cross=(one[:, None, :] @ shaped)[:, 0],
         square=np.sum(shaped**2, axis=1),
         walk=whiten @ modes,
-        half_log_det=np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
+        half_log_det=log_det[drift] + np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
     )
 
 

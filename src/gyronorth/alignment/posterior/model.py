@@ -1,39 +1,21 @@
-"""The posterior of the heading: every hypothesis weighed by what gyro and accelerometer show, headings averaged.
-
-Longer than 400 lines: hypotheses, their weights and what is told of them are one derivation.
-"""
+"""The posterior of the heading: every hypothesis weighed by what gyro and accelerometer show, headings averaged."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass
 
 import numpy as np
 
-from gyronorth.alignment.posterior.blocks import COUNT, Blocks, blocks_of
+from gyronorth.alignment.posterior.blocks import Blocks, blocks_of
 from gyronorth.alignment.posterior.density import Density, log_i0e, mixture
-from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, Axis, Law, law, law_of, unit_bias
-from gyronorth.alignment.posterior.tones import (
-    BUMP,
-    TONES,
-    Cleaned,
-    Propose,
-    bumped_blocks,
-    by_periodogram,
-    cleaned,
-    shows_tones,
-    strongest,
-)
+from gyronorth.alignment.posterior.explain import FAR, Proposer, Weighed, explanations, measured_white
+from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, unit_bias
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
-from gyronorth.conditioning import block_means
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
-#: Gives what proposes tones and bumps, where there is one: loaded only for a recording that shows any.
-Proposer = Callable[[], Propose | None]
 #: Turn-on bias over the profile's, and its prior where the in-run drift is as the profile says.
 BIASES = np.array([0.1, 0.3, 1.0, 1.5, 2.2, 3.3, 5.0, 8.0, 12.0, 20.0])
 BIAS_PRIOR = np.array([0.01, 0.02, 0.83, 0.042, 0.034, 0.026, 0.018, 0.01, 0.005, 0.005])
@@ -43,26 +25,16 @@ UNKNOWN_BIASES = DEG_PER_HOUR * np.geomspace(0.003, 1000.0, 23)
 UNKNOWN_FALL, UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 0.4, 5 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
 #: An accelerometer without a profile: least white noise, (m/s^2) sqrt(s), and turn-on bias, m/s^2.
 UNKNOWN_FORCE = (3e-6 * STANDARD_GRAVITY, 1e-3 * STANDARD_GRAVITY)
-#: Lags, in blocks, at which the accelerometer's noise is read.
-FORCE_LAGS = (1, 3)
-#: Rate about the vertical of a unit that tilts, over that about the horizontal axes.
-TWIST = 0.1
-#: Hypotheses less likely than the best by this, in the logarithm, are left out.
-FAR = 12.0
 #: Bias over the profile's beyond which a mixture explains away a fault rather than a unit.
 BEYOND = 9.0
 #: Error of the vertical rate by yaw motion, rad/s, from which the vertical implies no latitude at all.
 HIDDEN = 0.2 * EARTH_RATE
-#: Explanations of tones and bumps less likely than the best by this, whatever changes slowly, are not weighed.
-NEAR = 5.0
 #: Hypotheses weighed first, to know how likely one has to be.
 FEW = 100
-#: How much likelier a settling bias is in a recording with tones or bumps: they come together.
-UNSTEADY = np.log(8.0)
 
 
 @dataclass(frozen=True)
-class HeadingDensity:
+class Inferred:
     """Posterior of the heading of one recording and what was inferred beside it."""
 
     density: Density
@@ -91,7 +63,7 @@ def posterior(
     sensor: Sensor | None,
     attitude: tuple[float, float] | None = None,
     propose: Proposer | None = None,
-) -> list[HeadingDensity]:
+) -> list[Inferred]:
     """Posterior of each of the recordings (r, n, 3)."""
     blocks = blocks_of(gyro_b, accel_b, rate_hz=rate_hz, attitude=attitude)
     return [
@@ -124,23 +96,6 @@ def scales_of(sensor: Sensor | None, white: float) -> Scales:
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """Every base and shape under one explanation of white noise, tones and bumps."""
-
-    law: Law
-    log_h: Array  # (b, s) horizontal: log weight without what is known of the constant
-    info_h: Array  # (b, s) (rad/s)^-2
-    rate_h: Array  # (2, b, s) rad/s
-    log_v: Array  # (v, s) vertical
-    info_v: Array  # (v, s)
-    rate_v: Array  # (v, s)
-    log_prior: float
-    white: float  # over the profile's
-    tones: int
-    masked_s: float
-
-
-@dataclass(frozen=True)
 class Piece:
     """Some hypotheses of one `Weighed`, each with all scales of the bias."""
 
@@ -161,138 +116,10 @@ def _one(
     propose: Proposer | None,
     *,
     known_attitude: bool,
-) -> HeadingDensity:
-    trace = None if blocks.trace is None else blocks.trace[index]
-    measured = float(blocks.white[index])
-    if trace is not None:  # what is free of motion bounds the noise
-        seen = [np.mean(np.diff(block_means(trace, k), n=2, axis=0) ** 2) / (k * blocks.seconds) for k in FORCE_LAGS]
-        measured = min(measured, 1.3 * float(np.sqrt(min(seen))))
-    scales = scales_of(sensor, measured)
-    whites, share = white_scales(measured, scales.sensor.gyro.white, known=scales.known)
-    found: list[Weighed] = []
-    explained: list[Cleaned] = []
-    rate_hz = blocks.fine_l.shape[1] / blocks.duration
-    bumps: list[tuple[tuple[int, ...], float]] = [((), 0.0)]
-    if trace is not None:
-        each = float(np.log(BUMP * blocks.duration / 100 / COUNT))
-        bumps += [(hit, len(hit) * each) for hit in bumped_blocks(blocks.fine_l[index])]
-    fine, gyro = blocks.fine_l[index], scales.sensor.gyro
-    sways = shows_tones(fine, rate_hz=rate_hz, errors=gyro)
-    lines = strongest(fine, rate_hz=rate_hz) if sways and trace is not None else []
-    if trace is None and sways:
-        explained = cleaned(
-            fine, (propose() if propose else None) or by_periodogram, rate_hz=rate_hz, errors=scales.sensor.gyro
-        )
-        best = max(one.log_weight for one in explained)
-        explained = [one for one in explained if one.log_weight > best - NEAR]
-    for white, prior in zip(whites, share, strict=True):
-        scaled = replace(scales.sensor, gyro=replace(scales.sensor.gyro, white=scales.sensor.gyro.white * white))
-        accels = [scaled.accel] if trace is None else _accels(scaled, trace, blocks.seconds)
-        for one in explained:
-            if one.tones or one.bumped:
-                fitted = one.covariance * (scaled.gyro.white / one.white) ** 2
-                law_ = law_of(blocks.seconds, scaled, accel=False, white=fitted)
-                seen = weigh(law_, one.rate_l, None)
-                seen[0][:, law_.shapes.settles] += UNSTEADY
-            else:
-                law_ = law(blocks.seconds, scaled, accel=False)
-                seen = weigh(law_, one.rate_l, None)
-            weight = float(np.log(prior)) + one.log_weight
-            found.append(Weighed(law_, *seen, weight, float(white), one.tones, one.bumped / rate_hz))
-        for number in range(1, len(lines) + 1):
-            for accel in accels:
-                law_ = law_of(blocks.seconds, replace(scaled, accel=accel), accel=True, tones=tuple(lines[:number]))
-                seen = weigh(law_, blocks.rate_l[index], trace)
-                weight = float(np.log(prior / len(accels) * TONES[number] / TONES[0]))
-                found.append(Weighed(law_, *seen, weight, float(white), number, 0.0))
-        for accel, (blocks_bumped, chance) in product(accels, bumps if not explained else ()):
-            law_ = law(blocks.seconds, replace(scaled, accel=accel), accel=trace is not None, bumped=blocks_bumped)
-            masked_s = len(blocks_bumped) * blocks.seconds
-            seen = weigh(law_, blocks.rate_l[index], trace)
-            weight = float(np.log(prior / len(accels))) + chance
-            found.append(Weighed(law_, *seen, weight, float(white), 0, masked_s))
+) -> Inferred:
+    scales = scales_of(sensor, measured_white(blocks, index))
+    found = explanations(blocks, index, scales.sensor, known=scales.known, propose=propose)
     return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
-
-
-def white_scales(measured: float, profile: float, *, known: bool) -> tuple[Array, Array]:
-    """White noise over the profile's that is tried, and its prior: what short lags show, or less where they vibrate."""
-    if profile == 0:
-        return np.array([1.0]), np.array([1.0])
-    ratio = measured / profile
-    if known and abs(ratio - 1) < 0.12:
-        return np.array([1.0]), np.array([1.0])
-    ratio = 2 ** (round(4 * np.log2(max(ratio, 1e-3))) / 4)
-    least, step = (1.0, np.sqrt(2)) if known else (ratio / 8, 2.0)
-    tried = [ratio]
-    while tried[-1] > 1.1 * least:
-        tried.append(max(tried[-1] / step, least))
-    share = np.array([1.0, *(0.3 / max(len(tried) - 1, 1) for _ in tried[1:])])
-    if known and len(tried) > 1:
-        share[-1] = 1.0
-    return np.array(tried), share / share.sum()
-
-
-def _accels(sensor: Sensor, trace: Array, seconds: float) -> list[TriadErrors]:
-    """The accelerometer's errors with white noise as the integrated rate less the tilt shows it, if more, by lag.
-
-    Second differences of means over k blocks are, of white noise, 6 / k of its variance in a block, of the integrated
-    gyro noise k. Swaying at periods of a few blocks raises the shortest lag only.
-    """
-    white = max(sensor.accel.white, 1e-12)
-    found: dict[float, TriadErrors] = {}
-    for k in FORCE_LAGS:
-        seen = float(np.mean(np.diff(block_means(trace, k), n=2, axis=0) ** 2))
-        left = k * (seen - k * sensor.gyro.white**2 * seconds) / 6
-        if left < 2.2 * (white / STANDARD_GRAVITY) ** 2 / seconds:
-            factor = sensor.accel.white / white
-        else:
-            factor = 2 ** (round(2 * np.log2(np.sqrt(left * seconds) * STANDARD_GRAVITY / white)) / 2)
-        found[factor] = replace(sensor.accel, white=factor * white)
-    return list(found.values())
-
-
-def weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Log weights, information and estimates: horizontal (b, s) and (2, b, s), vertical (v, s) and (v, s)."""
-    seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
-    log_h, info_h, rate_h = _axes(known.horizontal, seen, known)
-    log_v, info_v, rate_v = _axes(known.vertical, rate[:, 2:], known, tilting=TWIST)
-    return log_h + known.log_prior[:, None], info_h, rate_h, log_v + known.yaw_log_prior[:, None], info_v, rate_v[0]
-
-
-def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple[Array, Array, Array]:
-    """Evidence of every base and shape over the axes `seen` (d, a): log weight, information, estimate (a, b, s)."""
-    shapes, axes = known.shapes, seen.shape[1]
-    white = axis.whiten @ seen  # (b, d, a)
-    across = np.swapaxes(white, 1, 2)  # (b, a, d)
-    u_y = (across @ axis.constant[:, :, None])[..., 0].T
-    c_y = np.swapaxes(across @ axis.columns, 0, 1)
-    y_y = np.sum(white**2, axis=(1, 2))
-    b, s = len(axis.information), len(shapes.size)
-    information = np.repeat(axis.information[:, None], s, axis=1)
-    projected = np.repeat(u_y[:, :, None], s, axis=2)
-    residual = np.repeat(y_y[:, None], s, axis=1)
-    log_det = np.zeros((b, s))
-    one = np.flatnonzero(shapes.column >= 0)
-    column, square = shapes.column[one], (shapes.size * np.where(shapes.tilts, tilting, 1.0))[one] ** 2
-    pivot = 1 + square * axis.square[:, column]
-    gain = square / pivot
-    information[:, one] -= gain * axis.cross[:, column] ** 2
-    projected[:, :, one] -= gain * axis.cross[:, column] * c_y[:, :, column]
-    residual[:, one] -= gain * np.sum(c_y[:, :, column] ** 2, axis=0)
-    log_det[:, one] = np.log(pivot)
-    u_m, m_y = np.einsum("bd,bdm->bm", axis.constant, axis.walk), np.einsum("bdm,bda->bma", axis.walk, white)
-    for number in np.flatnonzero([kind == "walk" for kind in shapes.kind]):
-        inner = np.eye(axis.walk.shape[2]) + np.swapaxes(axis.walk, 1, 2) @ axis.walk * shapes.size[number] ** 2
-        both = np.concatenate([u_m[:, :, None], m_y], axis=2)
-        solved = np.asarray(np.linalg.solve(inner, both), dtype=float) * shapes.size[number] ** 2
-        information[:, number] -= np.sum(u_m * solved[:, :, 0], axis=1)
-        projected[:, :, number] -= np.einsum("bm,bma->ab", u_m, solved[:, :, 1:])
-        residual[:, number] -= np.sum(m_y * solved[:, :, 1:], axis=(1, 2))
-        log_det[:, number] = np.linalg.slogdet(inner)[1]
-    estimate = projected / information
-    residual = residual - np.sum(projected * estimate, axis=0)
-    log_weight = -axes * (axis.half_log_det[:, None] + 0.5 * log_det + 0.5 * np.log(information)) - 0.5 * residual
-    return log_weight, information, estimate
 
 
 def _bias_prior() -> Array:
@@ -307,7 +134,7 @@ def _bias_prior() -> Array:
 
 def _conclude(
     found: list[Weighed], blocks: Blocks, index: int, latitude: float, scales: Scales, *, known_attitude: bool
-) -> HeadingDensity:
+) -> Inferred:
     sensor = scales.sensor
     north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
     constant = (sensor.g_sensitivity * STANDARD_GRAVITY) ** 2 + (
@@ -391,7 +218,7 @@ def _conclude(
     claimed = NoiseLaw(sensor.gyro).mean_variance(blocks.duration)
     noise = float(claimed["noise"] * np.exp(2 * told[2]))
     drift = float(claimed["drift"] * np.exp(2 * told[1]))
-    return HeadingDensity(
+    return Inferred(
         density=density,
         rate_l=np.array([told[7], told[8], rate_z]),
         scale=float(np.exp(told[0])),

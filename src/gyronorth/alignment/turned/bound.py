@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gyronorth.alignment.turned.model import (
@@ -97,12 +99,10 @@ def _ideal(
     zeros = np.zeros((n, 3))
     blank = Blocks(
         edges[:-1], edges[1:], np.array(stretch), np.full(n, -1), zeros, zeros if accel else None,
-        rotation(yaw_vector), mean_b, rate_hz,
+        rotation(yaw_vector), mean_b, rate_hz, np.zeros(n), np.zeros(n),
     )  # fmt: skip
     attitude = attitudes(blank, state, latitude=latitude)
     earth_b = np.swapaxes(attitude @ mean_b, -1, -2) @ earth_rate_n(latitude)
     turn_b = rotation(yaw_vector + np.where(blank.still, 0.0, seconds)[:, None] * earth_b)
     gyro_b = earth_b + yaw_vector / seconds[:, None]
-    return Blocks(
-        blank.first, blank.last, blank.stretch, blank.spin, gyro_b, blank.accel_b, turn_b, mean_b, rate_hz
-    ), state
+    return replace(blank, gyro_b=gyro_b, turn_b=turn_b), state

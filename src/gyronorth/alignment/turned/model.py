@@ -34,12 +34,12 @@ from gyronorth.sensor.law import NoiseLaw
 
 #: A gyro-only pose is taken as level within this, rad (one standard deviation).
 LEVEL_SIGMA = 1e-3
-#: Standard deviation of a turn angle that the user gives, rad: 0.01 deg.
-TURN_ANGLE_SIGMA = 0.01 * np.pi / 180
 #: What the error model leaves out of a turn of 180 deg (nonlinear scale factor, timing, coning), rad
 #: per axis, growing with the root of the angle: 20 arcsec. Without it a simulated accelerometer would
 #: read the heading from Earth rate integrated through the turns, which no real sensor does as well.
 TURN_SIGMA = 1e-4
+#: Attitude after a turn that nobody recorded, rad per axis: near what level and given angles say.
+FREE_SIGMA = 0.3
 #: Distance of the accelerometer from the axis of a spin, m (one standard deviation per axis).
 SPIN_ARM = 0.3
 #: Gravity is standard within this, m/s^2 (one standard deviation): latitude, height, scale factor.
@@ -60,6 +60,15 @@ COLUMNS = {
 }
 #: From here two columns a spin: tilt of its axis in the body, rad.
 SPIN = 40
+
+
+@dataclass(frozen=True)
+class GivenTurn:
+    """A turn between two stretches whose angle is given."""
+
+    before: int  # number of the stretch
+    behind: int
+    angle: float  # rad, clockwise from above
 
 
 @dataclass(frozen=True)
@@ -126,7 +135,7 @@ def attitudes(blocks: Blocks, state: State, *, latitude: float) -> Array:
     attitude = np.empty((len(back), 3, 3))
     current = state.end
     for index in range(len(back) - 1, -1, -1):
-        if not blocks.still[index]:
+        if blocks.traced[index]:
             current = earth[index] @ current @ back[index]
         attitude[index] = current
     return attitude
@@ -184,9 +193,9 @@ def linearise(
     sensor: Sensor,
     *,
     latitude: float,
-    turn_angles: tuple[tuple[int, int, float], ...] = (),
+    turn_angles: tuple[GivenTurn, ...] = (),
 ) -> Linear:
-    """The model about a state. `turn_angles`: (stretch, later stretch, given angle in rad)."""
+    """The model about a state, without the noise of given turn angles."""
     n, p = len(blocks.first), len(state.value)
     attitude = attitudes(blocks, state, latitude=latitude)
     mean = attitude @ blocks.mean_b
@@ -198,7 +207,7 @@ def linearise(
     local[:, :, COLUMNS["scale"]] = _by_rows(blocks.gyro_b)
     local[:, :, COLUMNS["g_sensitivity"]] = _by_rows(force_b)
 
-    moving = np.where(blocks.still, 0.0, blocks.seconds)[:, None, None]
+    moving = np.where(blocks.traced, blocks.seconds, 0.0)[:, None, None]
     # Attitude errors turn with the Earth while the unit turns: phi_i = E_i (phi + sum over j >= i of step_j).
     earth = rotation(_from_end(moving[:, 0]) * earth_rate_n(latitude))
     back = np.swapaxes(earth, -1, -2) @ attitude * moving
@@ -209,6 +218,7 @@ def linearise(
     step[:, :, COLUMNS["attitude"]] = np.eye(3)
     chain = earth @ step  # attitude error at block i by parameter
     swept = np.linalg.norm(blocks.gyro_b * moving[:, 0], axis=1)
+    loose = TURN_SIGMA**2 * swept / np.pi + FREE_SIGMA**2 * (~blocks.still & (not blocks.measured))
 
     sees_rate, sees_force = to_body @ cross_matrix(rate), to_body @ cross_matrix(force)
     known = np.where(np.arange(p) < 3, 0.0, state.value)
@@ -228,7 +238,9 @@ def linearise(
             design[:, tilt] = np.eye(2) * (blocks.gyro_b[index] @ axis)
             residual = across @ gyro_residual[index] - design[:, tilt] @ state.value[tilt]
             rows.add(0, residual, design, index, across, across @ sees_rate[index])
-    own = [np.zeros((rows.count, rows.count))]
+    swaying = np.kron(blocks.sway_covariance(blocks.sway), np.eye(3))
+    own: list[Array] = [np.asarray(swaying, dtype=float)] if blocks.still.any() else []
+    own.append(np.zeros((rows.count - sum(map(len, own)),) * 2))
 
     seen = np.flatnonzero(blocks.still | (blocks.spin >= 0))
     own_accel, accel_b = _levelling(blocks, seen, sensor)
@@ -245,15 +257,15 @@ def linearise(
         rows.add(1, residual, sees_force[index] @ chain[index] + errors, index, None, sees_force[index])
     own.append(own_accel)
 
-    for stretch, other, angle in turn_angles:
-        a, b = (int(np.flatnonzero(blocks.stretch == s)[0]) for s in (stretch, other))
+    for turn in turn_angles:
+        a, b = (int(np.flatnonzero(blocks.stretch == s)[0]) for s in (turn.before, turn.behind))
         turned = _heading(attitude[b]) - _heading(attitude[a])
-        residual = (angle - turned + np.pi) % (2 * np.pi) - np.pi
+        residual = (turn.angle - turned + np.pi) % (2 * np.pi) - np.pi
         down_a, down_b = heading_gradient(attitude[a]), heading_gradient(attitude[b])
         design = down_b @ chain[b] - down_a @ chain[a]
         rows.add(2, np.array([residual]), design[None], b, None, down_b[None])
         rows.attitude_noise[-1][:, 3 * a : 3 * a + 3] = -down_a
-        own.append(np.array([[TURN_ANGLE_SIGMA**2]]))
+        own.append(np.zeros((1, 1)))
     return Linear(
         np.concatenate(rows.residual),
         np.concatenate(rows.design),
@@ -262,7 +274,7 @@ def linearise(
         _block_diagonal(own),
         earth,
         noise_step,
-        _from_end(TURN_SIGMA**2 * swept / np.pi),
+        _from_end(loose),
         attitude,
         np.array(rows.kind),
     )
@@ -313,6 +325,8 @@ def _levelling(blocks: Blocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple
     if blocks.accel_b is not None:
         law = NoiseLaw(sensor.accel)
         covariance = law.mean_covariance(blocks.first[seen], blocks.last[seen], rate_hz=blocks.rate_hz)
+        still = np.flatnonzero(blocks.still[seen])
+        covariance[np.ix_(still, still)] += blocks.sway_covariance(blocks.surge)
         return np.asarray(np.kron(covariance, np.eye(3)), dtype=float), blocks.accel_b[seen]
     place = np.where(blocks.spin[seen] >= 0, -1 - blocks.spin[seen], blocks.stretch[seen])
     same = (place[:, None] == place).astype(float)

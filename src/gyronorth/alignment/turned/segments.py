@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.alignment.turned.driving import standing
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, median
 from gyronorth.attitude import attitude_path, conjugate, multiply, rotate
@@ -57,6 +58,9 @@ class Blocks:
     turn_b: Array  # (n, 3, 3) integrated rotation over the block; the identity when still
     mean_b: Array  # (n, 3, 3) mean over the block of the rotation since its start
     rate_hz: float
+    sway: Array  # (n,) root mean square angle of one axis that the unit sways by in its stretch, rad; 0: none is seen
+    surge: Array  # (n,) likewise the velocity that sways, m/s
+    measured: bool = True  # whether the gyro was recorded through the turns
 
     @property
     def seconds(self) -> Array:
@@ -67,6 +71,36 @@ class Blocks:
     def still(self) -> NDArray[np.bool_]:
         """Whether each block belongs to a still stretch."""
         return self.stretch >= 0
+
+    @property
+    def traced(self) -> NDArray[np.bool_]:
+        """Whether the gyro carries the attitude through each block: turns, and stretches that sway."""
+        return ~self.still | (self.sway > 0)
+
+    @property
+    def scattered(self) -> Array:
+        """Covariance (n, n) of a bias that steps from pose to pose, of unit scale.
+
+        It steps in the middle of a turn, whose own mean differs once more as much: when it steps is not known.
+        """
+        part = np.cumsum(np.concatenate([[0], np.diff(self.stretch) != 0]))
+        pose = part.copy()
+        for turn in np.unique(part[~self.still]):
+            members = np.flatnonzero(part == turn)
+            pose[members[: len(members) // 2]] -= 1
+            pose[members[len(members) // 2 :]] += 1
+        own = (part[:, None] == part) & ~np.outer(self.still, self.still)
+        return (pose[:, None] == pose).astype(float) + own
+
+    def sway_covariance(self, bounded: Array) -> Array:
+        """Covariance of mean rates of the still blocks, (k, k), whose integral is bounded: `bounded` rms, (n,).
+
+        A mean over L s is the difference of the integral at its two ends over L; neighbours share an end.
+        """
+        size, first, last = bounded[self.still], self.first[self.still], self.last[self.still]
+        stretch, length = self.stretch[self.still], self.seconds[self.still]
+        joined = (last[:, None] == first) & (stretch[:, None] == stretch)
+        return np.outer(size, size) * (2 * np.eye(len(size)) - joined - joined.T) / np.outer(length, length)
 
 
 @dataclass(frozen=True)
@@ -86,6 +120,7 @@ class Segments:
     stretches: tuple[tuple[int, int], ...]  # samples [first, last) of each still stretch, edges trimmed
     pose: tuple[int, ...]  # number of the pose of each stretch
     turns: tuple[SegmentTurn, ...]  # between the stretches; at the ends only spins
+    measured: bool = True  # whether the gyro was recorded through the turns
 
     @property
     def poses(self) -> int:
@@ -93,13 +128,17 @@ class Segments:
         return (self.pose[-1] + 1 if self.pose else 0) + sum(turn.spin for turn in self.turns)
 
 
-def find_segments(gyro_b: Array, *, rate_hz: float, turn_on_bias: float | None = None) -> Segments:
+def find_segments(
+    gyro_b: Array, accel_b: Array | None = None, *, rate_hz: float, turn_on_bias: float | None = None
+) -> Segments:
     """Still stretches, poses and turns of a recording.
 
     Parameters
     ----------
     gyro_b : ndarray, shape (n, 3)
         Angular rate, rad/s.
+    accel_b : ndarray, shape (n, 3), optional
+        Specific force, m/s^2, which shows whether a vehicle drives straight on.
     rate_hz : float
         Sample rate, Hz.
     turn_on_bias : float, optional
@@ -121,11 +160,10 @@ def find_segments(gyro_b: Array, *, rate_hz: float, turn_on_bias: float | None =
         sigma = np.maximum(scatter, 1.4826 * median(np.abs(slow - centre), axis=0))
         moving = (np.abs(chunk - centre) > np.maximum(MOTION_SIGMAS * sigma, MOTION_FLOOR)).any(axis=1)
     moving = _widened(moving, max(1, round(EDGE * rate_hz / size)))
-    stretches = tuple(
-        (a * size, len(gyro_b) if b == count else b * size)
-        for a, b in _runs(~moving)
-        if (b - a) * size >= SHORTEST_STRETCH * rate_hz
-    )
+    found = [(a * size, len(gyro_b) if b == count else b * size) for a, b in _runs(~moving)]
+    if accel_b is not None and found:
+        found = standing(accel_b, found, rate_hz=rate_hz)
+    stretches = tuple((a, b) for a, b in found if b - a >= SHORTEST_STRETCH * rate_hz)
     return _with_turns(gyro_b, stretches, rate_hz)
 
 
@@ -191,7 +229,8 @@ def cut(gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: fl
     names = ("first", "last", "stretch", "spin", "gyro_b", "turn_b", "mean_b")
     joined = {name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names}
     accel = None if accel_b is None else _means(accel_b, joined["first"], joined["last"])
-    return Blocks(**joined, accel_b=accel, rate_hz=rate_hz)
+    none = np.zeros(len(joined["first"]))
+    return Blocks(**joined, accel_b=accel, rate_hz=rate_hz, sway=none, surge=none, measured=segments.measured)
 
 
 def blocks_per_stretch(stretches: int, errors: TriadErrors | None) -> int:
@@ -205,7 +244,10 @@ def _standing(gyro_b: Array, first: int, last: int, stretch: int, parts: int, ra
     n = len(edges) - 1
     still = np.tile(np.eye(3), (n, 1, 1))
     mean = _means(gyro_b, edges[:-1], edges[1:])
-    return Blocks(edges[:-1], edges[1:], np.full(n, stretch), np.full(n, -1), mean, None, still, still, rate_hz)
+    none = np.zeros(n)
+    return Blocks(
+        edges[:-1], edges[1:], np.full(n, stretch), np.full(n, -1), mean, None, still, still, rate_hz, none, none
+    )
 
 
 def _turning(gyro_b: Array, first: int, last: int, rate_hz: float) -> Blocks:
@@ -213,22 +255,20 @@ def _turning(gyro_b: Array, first: int, last: int, rate_hz: float) -> Blocks:
     swept = np.linalg.norm(part, axis=1).sum() / rate_hz
     count = max(1, min(int(np.ceil(swept / BLOCK_ANGLE)), len(part), MOST_BLOCKS))
     edges = np.linspace(0, len(part), count + 1).round().astype(np.int64)
-    middle, end = attitude_path(part, rate_hz=rate_hz)
-    before = np.concatenate([[[0.0, 0.0, 0.0, 1.0]], end])[edges]  # (count + 1, 4) at the edges
-    starting = _matrix(before[:-1])
+    turn_b, mean_b = rotations(part, edges, rate_hz=rate_hz)
+    none, nothing = np.full(count, -1), np.zeros(count)
+    mean = _means(part, edges[:-1], edges[1:])
+    first_b, last_b = first + edges[:-1], first + edges[1:]
+    return Blocks(first_b, last_b, none, none, mean, None, turn_b, mean_b, rate_hz, nothing, nothing)
+
+
+def rotations(gyro_b: Array, edges: NDArray[np.int64], *, rate_hz: float) -> tuple[Array, Array]:
+    """Integrated rotation over each block between edges (k + 1,), and its mean since the start, (k, 3, 3) each."""
+    middle, end = attitude_path(gyro_b, rate_hz=rate_hz)
+    before = np.concatenate([[[0.0, 0.0, 0.0, 1.0]], end])[edges]  # (k + 1, 4) at the edges
     mean = np.add.reduceat(_matrix(middle), edges[:-1], axis=0) / np.diff(edges)[:, None, None]
-    none = np.full(count, -1)
-    return Blocks(
-        first + edges[:-1],
-        first + edges[1:],
-        none,
-        none,
-        _means(part, edges[:-1], edges[1:]),
-        None,
-        _matrix(multiply(conjugate(before[:-1]), before[1:])),
-        np.swapaxes(starting, -1, -2) @ mean,
-        rate_hz,
-    )
+    turn_b = _matrix(multiply(conjugate(before[:-1]), before[1:]))
+    return turn_b, np.swapaxes(_matrix(before[:-1]), -1, -2) @ mean
 
 
 def _matrix(q: Array) -> Array:

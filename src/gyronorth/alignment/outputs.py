@@ -1,0 +1,143 @@
+"""What the outputs themselves show: an axis that hangs or is dead, an accelerometer that does not show gravity.
+
+No sigma knows of these: a mean over an axis that hung is as smooth as any other.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, Gate
+from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array, Mask
+from gyronorth.earth import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from gyronorth.alignment.problem import Problem
+
+#: Log of the odds against a run of equal samples by chance, from which an axis is said to hang.
+HUNG = 14.0
+#: Times that where most samples are as the one before: a coarse unit whose mean drifts from step to step.
+HUNG_IF_COARSE = 10.0
+#: Step of an output, rad/s and m/s^2, whose rounding no heading would show; an axis may then rest on one value.
+HARMLESS_STEP = {"gyro": 1.0 * DEG_PER_HOUR, "accelerometer": 1e-3 * STANDARD_GRAVITY}
+#: An axis whose noise is this share of the other two's is dead but for its dither.
+DEAD_SHARE = 0.01
+#: Rate of a dead axis with dither, rad/s: an axis that senses nothing shows nothing.
+DEAD_RATE = 0.5 * DEG_PER_HOUR
+#: Share by which the mean specific force may differ from standard gravity: local gravity by 0.003, biases, scale.
+GRAVITY_SHARE = 0.1
+#: Samples that are looked at at once, in all recordings of a batch.
+_PIECE = 1 << 18
+
+
+def output_gates(problem: Problem) -> list[Gate]:
+    """Gates on every axis of the gyro and of the accelerometer, and on gravity."""
+    noiseless = problem.sensor is not None and problem.sensor.gyro.white == 0  # simulated
+    gates = [] if noiseless else axis_gates(problem.gyro_b, rate_hz=problem.rate_hz, what="gyro")
+    if problem.accel_b is None:
+        return gates
+    if problem.sensor is None or problem.sensor.accel.white > 0:
+        gates += axis_gates(problem.accel_b, rate_hz=problem.rate_hz, what="accelerometer")
+    return [*gates, gravity_gate(problem.accel_b)]
+
+
+def gravity_gate(accel_b: Array) -> Gate:
+    """A mean specific force that is not about 1 g: no attitude can be read from it."""
+    size = np.linalg.norm(accel_b.mean(axis=-2), axis=-1) / STANDARD_GRAVITY
+    off = np.abs(size - 1)
+    return Gate(
+        "gravity",
+        "The mean specific force differs from 1 g by {value:.2f} g; at most {limit:.1f} g is gravity. Likely "
+        "another unit than m/s^2, or acceleration without gravity: give specific force in m/s^2, or leave the "
+        "accelerometer out.",
+        off,
+        np.full_like(off, GRAVITY_SHARE),
+        ~(off <= GRAVITY_SHARE),
+    )
+
+
+def axis_gates(x: Array, *, rate_hz: float, what: str) -> list[Gate]:
+    """A gate for each axis: whether it hangs for a while, or is dead.
+
+    Parameters
+    ----------
+    x : ndarray, shape (..., n, 3)
+        Outputs, SI.
+    rate_hz : float
+        Sample rate, Hz.
+    what : str
+        A key of `HARMLESS_STEP`.
+
+    Notes
+    -----
+    An axis whose sample differs from the one before with probability r stays the same for L samples with probability
+    exp(-r L), at any of n places. It hangs where n exp(-r L) < exp(-`HUNG`), and for 2 s at least. A coarse output,
+    most of whose samples are as the one before, stays longer where its mean is between two steps: ten times as much is
+    asked. It is dead where it never changes, beside axes that do (a coarse one with harmless steps may rest), or where
+    its noise, by fourth differences that smooth motion does not reach, is a hundredth of both others' and its mean
+    shows nothing.
+    """
+    count = x.shape[-2]
+    longest, changes = _holds(x)
+    often = changes / np.maximum(count - longest, 1)
+    least = max(FEWEST_SAMPLES, SHORTEST * rate_hz)
+    needed = (HUNG + np.log(count)) * np.where(often > 0.5, 1.0, HUNG_IF_COARSE)
+    hung = (longest >= least) & (often * longest > needed)
+    limit = np.full(longest.shape, SHORTEST)
+    still = changes == 0
+    all_still = still.all(axis=-1, keepdims=True)
+    coarse = (often.max(axis=-1, keepdims=True) <= 0.5) & (_step(x) <= HARMLESS_STEP[what])[..., None]
+    dead = still & ~all_still & ~coarse & (longest >= least)
+    if what == "gyro":
+        dead |= _only_dither(x) & ~still
+        hung |= all_still & still & (longest >= least)
+    seconds = np.where(dead & ~still, count, longest) / rate_hz
+    return [
+        Gate(
+            "hung_axis",
+            f"The {name} axis of the {what} does not change, or hardly, for {{value:.1f}} s while it should; more than "
+            "{limit:.0f} s is no chance. Likely the axis is dead, or it or its link hung. Leave that stretch out with "
+            "--window, or repair the unit.",
+            seconds[..., axis],
+            limit[..., axis],
+            np.asarray((hung | dead)[..., axis]),
+        )
+        for axis, name in enumerate("xyz")
+    ]
+
+
+def _holds(x: Array) -> tuple[Array, Array]:
+    """Longest run of equal samples and number of changes, of each axis, shape (..., 3)."""
+    lead = x.shape[:-2]
+    flat = x.reshape(-1, *x.shape[-2:])
+    count, runs = flat.shape[1], len(flat)
+    longest, changes = np.ones((runs, 3)), np.zeros((runs, 3))
+    size = max(1, _PIECE // max(count, 1))
+    index: Array = np.arange(count, dtype=float)[:, None]
+    for first in range(0, runs, size):
+        part = flat[first : first + size]
+        change = np.ones((len(part), count, 3), dtype=bool)
+        np.not_equal(part[:, 1:], part[:, :-1], out=change[:, 1:])
+        begun = np.maximum.accumulate(np.where(change, index, 0.0), axis=1)
+        longest[first : first + size] = (index - begun).max(axis=1) + 1
+        changes[first : first + size] = change.sum(axis=1) - 1
+    return longest.reshape(*lead, 3), changes.reshape(*lead, 3)
+
+
+def _step(x: Array) -> Array:
+    """Smallest change of any axis, shape (...); 0 where nothing changes."""
+    change = np.abs(np.diff(x, axis=-2))
+    least = np.where(change > 0, change, np.inf).min(axis=(-2, -1))
+    return np.where(np.isfinite(least), least, 0.0)
+
+
+def _only_dither(x: Array) -> Mask:
+    """Axes that show nothing but a noise far below that of both others."""
+    if x.shape[-2] < FEWEST_SAMPLES:
+        return np.zeros((*x.shape[:-2], 3), dtype=bool)
+    noise = np.abs(np.diff(x, n=4, axis=-2)).mean(axis=-2)
+    others = np.stack([np.minimum(noise[..., (k + 1) % 3], noise[..., (k + 2) % 3]) for k in range(3)], axis=-1)
+    return (noise < DEAD_SHARE * others) & (np.abs(x.mean(axis=-2)) < DEAD_RATE)
