@@ -171,9 +171,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("configuration_changed", "warning", "set anew", "The unit sent another configuration on the way."),
     FindingInfo("layout_changed", "warning", "other messages", "The unit sends other messages than at the start."),
     FindingInfo("cut_off", "warning", "file cut off", "The file states more samples than it has."),
-    FindingInfo(
-        "alignment_offset", "warning", "alignment offset set", "The heading is the vehicle's, not the unit's."
-    ),
+    FindingInfo("alignment_offset", "warning", "alignment offset set", "The heading is the vehicle's, not the unit's."),
     FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),
     FindingInfo("deviation_unused", "warning", "deviation curve unused", "A deviation curve was not applied."),
     FindingInfo("profile_scaled", "warning", "beyond its profile", "The unit behaves as several times its profile."),
