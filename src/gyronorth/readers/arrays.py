@@ -213,7 +213,7 @@ def choose(
 def _with_clock(chosen: Chosen, look: Callable[[Column], NDArray[np.float64]], options: ReadOptions) -> Chosen:
     """The clock by title, steps and what is declared; that of a known layout is in seconds."""
     title = chosen.titles[TIME]
-    layout = _table((title,), [look(chosen.columns[TIME])])
+    layout = first_rows((title,), [look(chosen.columns[TIME])])
     known = options.rate_hz or chosen.stated.rate_hz
     unit = options.time_unit or ("s" if chosen.usual != Facts() else None)
     parts = [Title("time", ()) if title.isdigit() else take_apart(re.split(r"[./]", title)[-1])]
@@ -231,7 +231,7 @@ def _by_columns(
         return Named() if not bare else _numbered(where, len(titles))
     listed = list(titles)
     values = [look(titles[title]) if titles[title].rows == rows else np.full(1, np.nan) for title in listed]
-    layout = _table(() if bare else tuple(listed), values)
+    layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
         return by_titles(layout, [take_apart(re.split(r"[./]", title)[-1]) for title in listed], {}, None)
     found = by_numbers(layout)
@@ -249,7 +249,7 @@ def _numbered(where: str, width: int) -> Named:
     )
 
 
-def _table(titles: tuple[str, ...], values: Sequence[NDArray[np.float64]]) -> TextLayout:
+def first_rows(titles: tuple[str, ...], values: Sequence[NDArray[np.float64]]) -> TextLayout:
     """The first rows of columns as those of a text, which are looked at in the same way."""
     columns = [[repr(number) for number in column[:COMPARED].tolist()] for column in values]
     rows = tuple(zip_longest(*columns, fillvalue="nan"))

@@ -22,6 +22,9 @@ RATE_STATED_TOLERANCE = 1e-3
 #: Largest difference between a declared latitude and the one that the file states, rad.
 LATITUDE_TOLERANCE = float(np.radians(0.1))
 
+#: Mean force, in the unit of the file, above which it is neither m/s2 nor g.
+MOST_GRAVITY = 100.0
+
 
 @dataclass(frozen=True)
 class Declared:
@@ -193,6 +196,9 @@ def _accel_question(values: NDArray[np.float64] | None, fits: list[Fit], options
             says = f"; they are whole numbers, as counts are, and at rest {size:.6g} of them are 1 g."
             return Question(says, ("--accel-unit", "g", "--accel-scale", f"{1 / size:.10g}"), certain=False)
         says = f"; the norm of the mean is {size:.4g}, which is gravity in no unit that is known here."
+        if size > MOST_GRAVITY and options.accel_scale is None:
+            says += f" If these are counts and the unit stands still, one g is {size:.5g} of them."
+            return Question(says, ("--accel-unit", "g", "--accel-scale", f"{1 / size:.6g}"), certain=False)
         return Question(says, ("--accel-unit", "m/s2"), certain=False)
     fit = fits[0]
     scale = ("--accel-scale", f"{fit.scale:.10g}") if fit.scale is not None and options.accel_scale is None else ()

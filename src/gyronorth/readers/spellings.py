@@ -55,11 +55,13 @@ def spelled(text: str, spellings: dict[str, tuple[str, ...]]) -> str | None:
 
     Examples
     --------
+    >>> spelled("deg.s-1", GYRO_SPELLINGS), spelled("m.s-2", ACCEL_SPELLINGS)
+    ('deg/s', 'm/s2')
     >>> spelled("[rad s^-1]", GYRO_SPELLINGS), spelled("°/s", GYRO_SPELLINGS), spelled("m/s²", ACCEL_SPELLINGS)
     ('rad/s', 'deg/s', 'm/s2')
     """
     plain = re.sub(r"\s+", "", text.strip().translate(_PLAIN)).lower()
-    plain = plain.replace("^-", "-").replace("^", "").rstrip(".")
+    plain = plain.replace("^-", "-").replace("^", "").replace(".", "")
     for unit, known in spellings.items():
         if plain in (spelling.replace("^", "") for spelling in known):
             return unit

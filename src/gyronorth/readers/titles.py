@@ -254,8 +254,19 @@ def triples(titles: Sequence[str], parts: Sequence[Title]) -> list[Triple]:
 
 
 def label(first: str, last: str) -> str:
-    """Two titles of a triple as one text: "Gyro X..Z (deg/s)"."""
+    """Two titles of a triple as one text.
+
+    Examples
+    --------
+    >>> label("Gyro X (deg/s)", "Gyro Z (deg/s)"), label("gyro[0]", "gyro[2]"), label("column 17", "column 19")
+    ('Gyro X..Z (deg/s)', 'gyro[0..2]', 'column 17..19')
+    """
     same = 0
     while same < min(len(first), len(last)) and first[same] == last[same]:
         same += 1
-    return f"{first[: same + 1]}..{last[same:]}" if same < len(last) else f"{first}..{last}"
+    while 0 < same < len(last) and first[same - 1].isdigit() and last[same].isdigit():  # 17..19, not 17..9
+        same -= 1
+    end = same + 1
+    while end < len(first) and first[end].isdigit():
+        end += 1
+    return f"{first[:end]}..{last[same:]}" if same < len(last) else f"{first}..{last}"

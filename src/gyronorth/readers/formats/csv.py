@@ -81,7 +81,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         clock = find_clock(layout, parts, positions[TIME], unit, known)
     elif options.time_unit is not None:
         raise InputError(f"{path.name} has no time column for --time-unit {options.time_unit}; leave it out.")
-    stated = _with_titles(stated, chosen, layout, clock, path.name)
+    stated = with_titles(stated, chosen, layout, clock, path.name)
     columns = tuple(name for name in NAMES if name in positions)
     names = titles or tuple(f"column {position}" for position in range(layout.width))
     composed = clock.columns if clock is not None else None
@@ -160,7 +160,7 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
     )
 
 
-def _with_titles(stated: Facts, chosen: Chosen, layout: TextLayout, clock: FoundClock | None, name: str) -> Facts:
+def with_titles(stated: Facts, chosen: Chosen, layout: TextLayout | None, clock: FoundClock | None, name: str) -> Facts:
     """What the file states, with the units and the increments of its titles."""
     for sensor, of_titles, of_comments in (
         ("gyro", chosen.gyro_unit, stated.gyro_unit),
@@ -173,7 +173,7 @@ def _with_titles(stated: Facts, chosen: Chosen, layout: TextLayout, clock: Found
     both = len(chosen.increments) == 2
     increments = "both" if both else next(iter(chosen.increments), stated.increments)
     rate_hz = stated.rate_hz
-    if rate_hz is None and (clock is None or clock.clock.unit is None):
+    if rate_hz is None and layout is not None and (clock is None or clock.clock.unit is None):
         rate_hz = layout.rate_hz
     return replace(
         stated,

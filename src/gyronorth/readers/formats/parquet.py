@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.arrays import COMPARED, first_rows
+from gyronorth.readers.columns import Chosen, by_titles, told
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
+from gyronorth.readers.formats.csv import with_titles
+from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.library import check_whole, errors_translated, library
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Block, Clock, Parts, Source, blocks_of, rows_block
+from gyronorth.readers.source import (
+    FORCES,
+    NAMES,
+    RATES,
+    TIME,
+    Block,
+    Clock,
+    Facts,
+    Parts,
+    Source,
+    blocks_of,
+    rows_block,
+)
+from gyronorth.readers.text_clock import FoundClock, find_clock
+from gyronorth.readers.titles import take_apart
 
 #: Rows per block that is read, and per row group that is written.
 BLOCK_ROWS, GROUP_ROWS = 1 << 14, 1 << 17
@@ -38,10 +57,17 @@ def open_parquet(path: Path, options: ReadOptions) -> Source:
         stored = file.metadata.metadata or {}
         texts = {key: stored[key.encode()].decode("utf-8", "replace") for key in KEYS if key.encode() in stored}
     facts, ours = read_facts(texts, lambda key: f"Metadata {key} of {path.name}")
-    found = choose_columns(list(schema.names), options.columns, OUR_TITLES, path.name)
+    titles = tuple(schema.names)
+    chosen, first = (Chosen(), None) if ours else _by_titles(path, schema, options)
+    wanted = dict(options.columns or {}) if ours else chosen.columns | dict(options.columns or {})
+    found = choose_columns(list(titles), wanted, OUR_TITLES if ours else {}, path.name, needed=options.needed)
     columns = {name: found[name] for name in NAMES if name in found}
     units = {name: _unit(schema.field(position).type, name, path.name) for name, position in columns.items()}
     zero = _first_count(path, columns[TIME]) if units.get(TIME) is not None else 0
+    clock = _clock(columns, units, titles, first, options, facts)
+    facts = with_titles(facts, chosen, first, clock, path.name)
+    told_units = {"gyro": options.gyro_unit or facts.gyro_unit or "unit open",
+                  "accel": options.accel_unit or facts.accel_unit or "unit open"}  # fmt: skip
     reading = partial(_batches, path, list(columns.values()), list(units.values()), zero)
     return Source(
         format="parquet",
@@ -49,10 +75,47 @@ def open_parquet(path: Path, options: ReadOptions) -> Source:
         columns=tuple(columns),
         blocks=partial(_blocks, reading, rows),
         stated=facts,
-        clock=Clock(unit=1.0, name=schema.names[columns[TIME]]) if TIME in columns else None,
+        clock=None if clock is None else clock.clock,
         ours=ours,
         parts=Parts(rows, exact=True, block=BLOCK_ROWS, read=partial(_part, reading, starts)),
+        questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
+        read_as="" if ours else told(columns, titles, told_units, clock.told if clock else ""),
     )
+
+
+def _by_titles(path: Path, schema: Any, options: ReadOptions) -> tuple[Chosen, TextLayout]:
+    """The columns by the table of titles that texts have, and the first rows."""
+    with _opened(path) as file:
+        batch = next(file.iter_batches(batch_size=COMPARED), None)
+        values = [
+            _numbers(batch.column(i), seconds, 0)
+            if batch is not None and (seconds := _seconds(field.type, path.name)) != 0
+            else np.full(1, np.nan)
+            for i, field in enumerate(schema)
+        ]
+    first = first_rows(tuple(schema.names), values)
+    parts = [take_apart(title) for title in schema.names]
+    return by_titles(first, parts, dict(options.columns or {}), None), first
+
+
+def _clock(
+    columns: dict[str, int],
+    units: dict[str, float | None],
+    titles: tuple[str, ...],
+    first: TextLayout | None,
+    options: ReadOptions,
+    facts: Facts,
+) -> FoundClock | None:
+    """The clock: seconds where the type of the column says so or the file is ours, else by title and steps."""
+    if TIME not in columns:
+        return None
+    position = columns[TIME]
+    if first is None or units[TIME] is not None:
+        return FoundClock(Clock(unit=1.0, name=titles[position]), None, position, f"{titles[position]} (by its type)")
+    rows = tuple((row[position],) for row in first.rows)
+    alone = replace(first, titles=(titles[position],), width=1, rows=rows)
+    known = options.rate_hz or facts.rate_hz
+    return find_clock(alone, [take_apart(titles[position])], 0, options.time_unit, known)
 
 
 def write_parquet(outgoing: RecordingStream, path: Path) -> None:
@@ -93,12 +156,20 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _unit(kind: Any, name: str, file: str) -> float | None:
     """Seconds in one unit of a column of dates or times; None for plain numbers."""
+    seconds = _seconds(kind, file)
+    if seconds is None or (seconds and name == TIME):
+        return seconds
+    raise InputError(f"Column {name} of {file} holds {kind}; numbers are expected.")
+
+
+def _seconds(kind: Any, file: str) -> float | None:
+    """None for plain numbers, seconds in one unit of dates or times, 0 for what is neither."""
     types = library("pyarrow.types", file, "Parquet")
     if types.is_integer(kind) or types.is_floating(kind):
         return None
-    if name == TIME and (types.is_timestamp(kind) or types.is_duration(kind)):
+    if types.is_timestamp(kind) or types.is_duration(kind):
         return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
-    raise InputError(f"Column {name} of {file} holds {kind}; numbers are expected.")
+    return 0.0
 
 
 def _first_count(path: Path, position: int) -> int:
