@@ -13,7 +13,6 @@ from gyronorth.conditioning import (
     decimated,
     fisher_upper,
     incomplete_beta,
-    longest_hold,
     noise_density,
     slope_variance,
     sway,
@@ -34,17 +33,6 @@ def test_decimation_keeps_the_mean_at_any_ratio(n, rate, share, seed):
     covered = np.clip(len(out) / to * rate - np.arange(n), 0, 1)
     expected = covered @ x / covered.sum()
     assert_allclose(out.mean(axis=0), expected, rtol=1e-12)
-
-
-@given(length=integers(1, 40), first=integers(0, 39), held=integers(1, 40), seed=integers(0, 9))
-def test_the_longest_hold_is_where_it_was_put(length, first, held, seed):
-    x = np.random.default_rng(seed).normal(size=(length, 3))
-    first = min(first, length - 1)
-    x[first : first + held] = x[first]
-    found = min(held, length - first)
-    assert longest_hold(x) == ((first, found) if found > 1 else (0, 1))
-    x[:, 1] = np.arange(length)  # one axis that goes on is enough
-    assert longest_hold(x) == (0, 1)
 
 
 def test_decimation_by_an_integer_is_the_block_mean():

@@ -16,8 +16,9 @@ SOURCES = sorted((ROOT / "src").rglob("*.py"))
 HEAVY = {"torch", "scipy", "onnxruntime", "matplotlib", "pandas"}
 #: Lines of a file and parameters of a public function: where the house rules say stop.
 FILE_LIMIT, PARAMETER_LIMIT = 400, 8
-#: `simulate` has one parameter for each fact about the scene, `heading` one for each thing that may be known.
-LONG_SIGNATURES = {"heading": 11, "heading_many": 11, "simulate": 10, "simulate_batch": 11}
+#: `simulate` has one parameter for each fact about the scene, `heading` one for each thing that may be known, `judge`
+#: one for each thing that a unit of its study says.
+LONG_SIGNATURES = {"heading": 12, "judge": 9, "heading_many": 11, "simulate": 10, "simulate_batch": 11}
 
 HELP = """
 import sys

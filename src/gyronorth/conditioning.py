@@ -55,24 +55,6 @@ def decimate(x: ArrayLike, *, rate_hz: float, to_hz: float) -> Array:
     return _means_between(x, edge, to_hz / rate_hz)
 
 
-def longest_hold(x: ArrayLike) -> tuple[int, int]:
-    """First sample and length of the longest run of equal rows in `x`, shape (n, k), n at least 1."""
-    x = np.asarray(x)
-    repeats = np.zeros(len(x) + 1, dtype=bool)  # whether a row is as the one before
-    for start in range(1, len(x), BLOCK_SAMPLES):
-        end = min(start + BLOCK_SAMPLES, len(x))
-        equal = x[start:end, 0] == x[start - 1 : end - 1, 0]
-        if equal.any():
-            equal = (x[start:end] == x[start - 1 : end - 1]).all(axis=1)
-        repeats[start:end] = equal
-    change = np.flatnonzero(repeats[1:] != repeats[:-1])
-    if len(change) == 0:
-        return 0, 1
-    first, last = change[0::2], change[1::2]
-    longest = int(np.argmax(last - first))
-    return int(first[longest]), int(last[longest] - first[longest]) + 1
-
-
 def _check_decimation(rate_hz: float, to_hz: float) -> None:
     if not 0 < to_hz <= rate_hz:
         raise InputError(

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis.strategies import integers
 
-from gyronorth.alignment.outputs import axis_gates
+from gyronorth.alignment.outputs import axis_gates, longest_hold
 from gyronorth.pipeline import heading, heading_batch
 from gyronorth.sensor import read_sensor
 from gyronorth.simulation import simulate_batch
@@ -90,3 +92,14 @@ def test_near_the_gimbal_sigma_grows_or_it_is_refused(pitch_deg, method):
     else:
         codes = {reason.code for reason in heading(gyro[0], accel_b=accel[0], rate_hz=2.0, latitude=LATITUDE).reasons}
         assert "gimbal" in codes
+
+
+@given(length=integers(1, 40), first=integers(0, 39), held=integers(1, 40), seed=integers(0, 9))
+def test_the_longest_hold_is_where_it_was_put(length, first, held, seed):
+    x = np.random.default_rng(seed).normal(size=(length, 3))
+    first = min(first, length - 1)
+    x[first : first + held] = x[first]
+    found = min(held, length - first)
+    assert longest_hold(x) == ((first, found) if found > 1 else (0, 1))
+    x[:, 1] = np.arange(length)  # one axis that goes on is enough
+    assert longest_hold(x) == (0, 1)

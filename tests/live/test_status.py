@@ -155,7 +155,7 @@ class Scripted(Session):
                 assert not self.look()
             case "disk":
                 assert self._recorder is not None
-                self._recorder._fail(OSError(ENOSPC, "No space left on device"))
+                self._recorder.fail(OSError(ENOSPC, "No space left on device"))
             case "crash":
                 self._recorder = CrashingRecorder()
             case "end":
@@ -189,7 +189,7 @@ def run_sequence(monkeypatch, tmp_path) -> Callable[[list[str]], list[bool]]:
         clock = SimpleNamespace(monotonic=lambda: time.monotonic() + session.ahead)
         monkeypatch.setattr("gyronorth.live.session.time", clock)
         monkeypatch.setattr("gyronorth.live.session.BATCH", 0.0)
-        session._run()
+        session.run()
         assert not session.look()
         for path in tmp_path.iterdir():
             path.unlink()

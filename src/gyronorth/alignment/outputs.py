@@ -111,6 +111,23 @@ def axis_gates(x: Array, *, rate_hz: float, what: str) -> list[Gate]:
     ]
 
 
+def longest_hold(x: Array) -> tuple[int, int]:
+    """First sample and length of the longest run of equal rows in `x`, shape (n, k), n at least 1."""
+    repeats = np.zeros(len(x) + 1, dtype=bool)  # whether a row is as the one before
+    for start in range(1, len(x), _PIECE):
+        end = min(start + _PIECE, len(x))
+        equal = x[start:end, 0] == x[start - 1 : end - 1, 0]
+        if equal.any():
+            equal = (x[start:end] == x[start - 1 : end - 1]).all(axis=1)
+        repeats[start:end] = equal
+    change = np.flatnonzero(repeats[1:] != repeats[:-1])
+    if len(change) == 0:
+        return 0, 1
+    first, last = change[0::2], change[1::2]
+    longest = int(np.argmax(last - first))
+    return int(first[longest]), int(last[longest] - first[longest]) + 1
+
+
 def _holds(x: Array) -> tuple[Array, Array]:
     """Longest run of equal samples and number of changes, of each axis, shape (..., 3)."""
     lead = x.shape[:-2]

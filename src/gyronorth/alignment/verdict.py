@@ -10,13 +10,12 @@ import numpy as np
 from gyronorth.alignment.checks import checks_of
 from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, implied_latitude, judge
 from gyronorth.alignment.motion import MotionStatistics
-from gyronorth.alignment.outputs import output_gates
+from gyronorth.alignment.outputs import longest_hold, output_gates
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS
 from gyronorth.alignment.result import Result
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array, Mask, mean_of_rows
-from gyronorth.conditioning import longest_hold
 from gyronorth.estimate import HeadingBatch, HeadingEstimate, Pose
 from gyronorth.findings import Finding
 from gyronorth.recording import shift_utc

@@ -1,4 +1,7 @@
-"""gyronorth heading: one recording, or many of them, to headings with a verdict."""
+"""gyronorth heading: one recording, or many of them, to headings with a verdict.
+
+Longer than 400 lines: the options of one command, each with its help.
+"""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class Recorder:
         try:
             self.path, self._descriptor = _new_file(self._wanted)
         except OSError as error:
-            self._fail(error)
+            self.fail(error)
             return
         self.bytes, self.failure = 0, None
         self._write(self._head)
@@ -112,7 +112,7 @@ class Recorder:
         try:
             os.pwrite(self._descriptor, line, offset)
         except OSError as error:
-            self._fail(error)
+            self.fail(error)
 
     def sync(self, *, now: bool = False) -> None:
         """Bring what is written to the disk itself, where that was not done lately."""
@@ -123,7 +123,7 @@ class Recorder:
             if os.fstat(self._descriptor).st_nlink == 0:
                 raise FileNotFoundError(errno.ENOENT, "the file was removed")
         except OSError as error:
-            self._fail(error)
+            self.fail(error)
         self._synced = time.monotonic()
 
     def close(self) -> None:
@@ -142,12 +142,13 @@ class Recorder:
             while view:
                 view = view[os.write(self._descriptor, view) :]
         except OSError as error:
-            self._fail(error)
+            self.fail(error)
             return False
         self.bytes += len(data)
         return True
 
-    def _fail(self, error: OSError) -> None:
+    def fail(self, error: OSError) -> None:
+        """Note that nothing can be written for now, and why; it is tried again."""
         self.failure = f"{self.path}: {error.strerror or error}"
         self._first_failure = self._first_failure or self.failure
         self._failed = time.monotonic()

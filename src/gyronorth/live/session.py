@@ -127,7 +127,7 @@ class Session:
         """Start the threads."""
         self._estimation.start()
         Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
-        self._thread = Thread(target=self._run, name="session", daemon=True)
+        self._thread = Thread(target=self.run, name="session", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -159,7 +159,8 @@ class Session:
             synced.wait(timeout=10)
             self._estimation.flush()
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Take what comes until the session ends: the body of its thread."""
         try:
             while not self._stop.is_set() and self._state != "failed":
                 begun = time.monotonic()

@@ -192,11 +192,8 @@ def _accel_question(values: NDArray[np.float64] | None, fits: list[Fit], options
         return Question(f". Declare it: --accel-unit {' or '.join(ACCEL_UNITS)}.", ("--accel-unit", "UNIT"))
     if not fits:
         size = norm_of_parts(values)
-        if is_whole(values) and size > 1 and options.accel_scale is None:
-            says = f"; they are whole numbers, as counts are, and at rest {size:.6g} of them are 1 g."
-            return Question(says, ("--accel-unit", "g", "--accel-scale", f"{1 / size:.10g}"), certain=False)
         says = f"; the norm of the mean is {size:.4g}, which is gravity in no unit that is known here."
-        if size > MOST_GRAVITY and options.accel_scale is None:
+        if options.accel_scale is None and (size > MOST_GRAVITY or (is_whole(values) and size > 1)):
             says += f" If these are counts and the unit stands still, one g is {size:.5g} of them."
             return Question(says, ("--accel-unit", "g", "--accel-scale", f"{1 / size:.6g}"), certain=False)
         return Question(says, ("--accel-unit", "m/s2"), certain=False)
