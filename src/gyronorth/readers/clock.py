@@ -79,8 +79,8 @@ class Envelope:
             self._origin = float(time[0])
         number = self._rows + len(self._waiting)
         with np.errstate(over="ignore"):
-            stray = np.minimum((time - (self._origin or 0.0)) / self.interval, 1e3 * ABSURD)
-        stray = stray - np.arange(number, number + len(time))
+            counted = np.minimum((time - (self._origin or 0.0)) / self.interval, 1e3 * ABSURD)
+        stray: NDArray[np.float64] = counted - np.arange(number, number + len(time), dtype=float)
         stray = np.concatenate([self._waiting, stray])
         rows = len(stray)
         if rows > 1 and not last and stray[-1] < stray[-2] - MOVE:

@@ -68,6 +68,8 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
     else:
         preset = None if ours or not titles else matching(titles, _preamble(layout), path.name)
         stated, usual = facts, _usual(preset)
+    if _only(preset, titles) is None:
+        _reject_two_kinds(layout, path.name)
     parts = [take_apart(title, unit) for title, unit in zip_longest(titles, layout.units, fillvalue="")]
     parts = _named_by_file(parts, path)
     chosen = _chosen(layout, parts, options, preset, path.name)
@@ -117,6 +119,19 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         read_as="" if ours or live or heading is not None else read_as + words,
     )
     return source if preset is None else _of_two_kinds(source, preset, layout, path, rows)
+
+
+def _reject_two_kinds(layout: TextLayout, name: str) -> None:
+    """Refuse rows of a gyroscope and of an accelerometer in turn, told apart by a word, that no preset knows."""
+    for column in layout.texts:
+        kinds = sorted({row[column] for row in layout.rows})
+        gyro, accel = ([kind for kind in kinds if word in kind.lower()] for word in ("gyr", "acc"))
+        if gyro and accel:
+            raise InputError(
+                f"{name} has rows of several kinds, told apart by column {column}: {', '.join(kinds[:8])}. Write those "
+                f"of {gyro[0]} and those of {accel[0]} into a file each, without that word and with titles, and give "
+                "the second one by --accel."
+            )
 
 
 def _repeated_header(layout: TextLayout) -> tuple[bytes, ...]:
