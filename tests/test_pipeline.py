@@ -241,7 +241,9 @@ def test_poses_are_found_and_turned_is_taken():
     estimate = heading(turned, sensor=sensor)
     assert estimate.method == "turned"
     assert estimate.valid
-    assert abs(angle_error(estimate.heading, turned.heading_true)) < 3.3 * estimate.sigma < np.radians(2.0)
+    assert (
+        abs(angle_error(estimate.heading, turned.heading_true)) < 3.3 * estimate.sigma < np.radians(2.2)
+    )  # a step of the bias is allowed for
     assert len(estimate.poses) == 2
     assert_allclose(np.degrees(estimate.turns[0].angle), 180, atol=0.5)
     assert estimate.gyro_bias is not None

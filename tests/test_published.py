@@ -41,7 +41,7 @@ def test_the_set_looks_as_selected_as_the_pages_say():
     assert small == 1
     results = Path(__file__).parents[1] / "docs/results"
     intro = " ".join((results / "published.intro.md").read_text().split())
-    told = f"{small} of its {len(error)} errors is below 2°, where a normal distribution of the same size would give "
+    told = f"{small} of its {len(error)} errors is below 2°, where a normal distribution of the same size gives "
     assert f"{told}{normal:.0f}." in intro
     doc = " ".join(str(twin_module.__doc__).split())
     assert (

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from math import degrees, radians
 from pathlib import Path
@@ -345,7 +346,8 @@ def asked(
     async def send(message: dict) -> None:
         sent.append(message)
 
-    asyncio.run(access(scope, receive, send))
+    with ThreadPoolExecutor(1) as apart:  # the browser of this file keeps a loop in this thread
+        apart.submit(asyncio.run, access(scope, receive, send)).result()
     return sent
 
 

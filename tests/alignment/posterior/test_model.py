@@ -50,7 +50,7 @@ def most_missed(runs, share=0.05):
 def test_evidence_is_that_of_the_dense_gaussian(accel):
     """Every shape by a Cholesky factor of its whole covariance, the constant integrated out over a flat prior."""
     sensor, seconds = read_sensor("isa100c"), 5.0
-    known = law(seconds, sensor, accel=accel)
+    known = law(seconds, sensor, known=True, accel=accel)
     rng, size = np.random.default_rng(3), 2 * COUNT if accel else COUNT
     rate, trace = rng.normal(0, 1e-6, (COUNT, 3)), rng.normal(0, 1e-5, (COUNT, 2)) if accel else None
     log_h, info_h, rate_h, *_ = weigh(known, rate, trace)

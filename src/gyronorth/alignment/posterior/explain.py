@@ -92,13 +92,15 @@ def explanations(blocks: Blocks, index: int, sensor: Sensor, *, known: bool, pro
 
     def weighed(noise: Noise, more: float, **options: Any) -> Weighed:
         make = law_of if options.get("tones") else law
-        seen = weigh(made := make(blocks.seconds, noise.sensor, accel=trace is not None, **options), rate, trace)
+        seen = weigh(
+            made := make(blocks.seconds, noise.sensor, known=known, accel=trace is not None, **options), rate, trace
+        )
         masked_s = len(options.get("bumped", ())) * blocks.seconds
         return Weighed(made, *seen, noise.log_prior + more, noise.white, len(options.get("tones", ())), masked_s)
 
     def refitted(noise: Noise, one: Cleaned) -> Weighed:
         fitted = one.covariance * (noise.sensor.gyro.white / one.white) ** 2
-        made = law_of(blocks.seconds, noise.sensor, accel=False, white=fitted)
+        made = law_of(blocks.seconds, noise.sensor, known=known, accel=False, white=fitted)
         seen = weigh(made, one.rate_l, None)
         seen[0][:, made.shapes.settles] += UNSTEADY
         return Weighed(made, *seen, noise.log_prior + one.log_weight, noise.white, one.tones, one.bumped / rate_hz)

@@ -103,15 +103,16 @@ class Law:
 
 
 @lru_cache(maxsize=32)
-def law(seconds: float, sensor: Sensor, *, accel: bool, bumped: tuple[int, ...] = ()) -> Law:
+def law(seconds: float, sensor: Sensor, *, known: bool, accel: bool, bumped: tuple[int, ...] = ()) -> Law:
     """The law of recordings of `COUNT` blocks of so many seconds, some of which hold bumps."""
-    return law_of(seconds, sensor, accel=accel, bumped=bumped)
+    return law_of(seconds, sensor, known=known, accel=accel, bumped=bumped)
 
 
 def law_of(
     seconds: float,
     sensor: Sensor,
     *,
+    known: bool,
     accel: bool,
     bumped: tuple[int, ...] = (),
     white: Array | None = None,
@@ -119,6 +120,7 @@ def law_of(
 ) -> Law:
     """The same with another covariance of the block means' white noise, (COUNT, COUNT), where there are no forces.
 
+    `sensor` is the profile where it is `known`, else it stands for one.
     `tones` are frequencies, Hz, and sizes, rad/s, of sway, of which the accelerometer sees the tilt.
     """
     gyro, duration = sensor.gyro, seconds * COUNT
@@ -141,8 +143,8 @@ def law_of(
     motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
     yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
     turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
-    base_drift, base_sway = _paired(len(sways))
-    yaw_drift, base_yaw = _paired(len(yaws))
+    base_drift, base_sway = _paired(len(sways), known=known)
+    yaw_drift, base_yaw = _paired(len(yaws), known=known)
     walk, trace = _walk_modes() * scale, shapes.trace if accel else None
     return Law(
         horizontal=_axis(noise, base_drift, motion[base_sway], shapes.gyro, trace, walk, seconds),
@@ -157,9 +159,9 @@ def law_of(
     )
 
 
-def _paired(motions: int) -> tuple[Index, Index]:
+def _paired(motions: int, *, known: bool) -> tuple[Index, Index]:
     """Numbers of drift and motion of each base: what drifts less than its profile is only told where nothing moves."""
-    pairs = [(d, m) for d, factor in enumerate(DRIFTS) for m in range(motions) if factor >= 1 or m == 0]
+    pairs = [(d, m) for d, factor in enumerate(DRIFTS) for m in range(motions) if factor >= 1 or m == 0 or not known]
     drift, motion = np.array(pairs).T
     return drift, motion
 
