@@ -58,9 +58,10 @@ def test_the_sets_are_those_of_their_seed():
         assert len(one.heading) == 2
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The copy keyword is deprecated")  # python-ins with pandas 3
-@pytest.mark.parametrize("program", list(league.PROGRAMS))
+@pytest.mark.parametrize(
+    "program", [pytest.param(name, marks=[pytest.mark.long] * ("filter" in name)) for name in league.PROGRAMS]
+)
 def test_every_program_answers(program):
     for package, names in {"navtk": "navtk", "pyins": "python-ins", "ahrs": "ahrs"}.items():
         if names in program:

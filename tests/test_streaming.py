@@ -322,7 +322,7 @@ def test_only_the_newest_poses_are_fitted():
     assert abs(angle_error(ours.heading, offline.heading)) < 2 * offline.sigma
 
 
-@pytest.mark.parametrize("method", [pytest.param("bayes", marks=pytest.mark.slow), "learned"])
+@pytest.mark.parametrize("method", [pytest.param("bayes", marks=pytest.mark.long), "learned"])
 def test_what_looks_at_its_last_window_only_drops_the_rest(method):
     recording = scene("sway", duration=330.0, rate_hz=5.0)
     ours = stream_of(recording, sensor=SENSOR, method=method).estimate()

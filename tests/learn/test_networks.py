@@ -163,7 +163,7 @@ def trained(network, loss, rounds, rate):
     return loss().item()
 
 
-@pytest.mark.parametrize("output", ["degrees", "cos_sin"])
+@pytest.mark.parametrize("output", [pytest.param("degrees", marks=pytest.mark.long), "cos_sin"])
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_heading_network_overfits_four_windows(layout, output):
     truth = torch.tensor([20.0, 110.0, 200.0, 290.0])

@@ -52,7 +52,10 @@ class Port:
         """What has come until now."""
         data = b""
         while select.select([self.ours], [], [], 0)[0]:
-            data += os.read(self.ours, 1 << 16)
+            try:
+                data += os.read(self.ours, 1 << 16)
+            except OSError:  # nobody has opened the other end yet
+                break
         return data.splitlines(keepends=True)
 
 

@@ -47,7 +47,7 @@ def folder(tmp_path_factory) -> Path:
         ["heading", "{}.csv", "--window", "300:400"],
         pytest.param(["allan", "{}.csv"], marks=pytest.mark.long),
         pytest.param(["convert", "{}.csv", "-o", "{}.h5"], marks=pytest.mark.long),
-        ["convert", "{}.csv", "-o", "{}.parquet"],
+        pytest.param(["convert", "{}.csv", "-o", "{}.parquet"], marks=pytest.mark.long),
         pytest.param(["convert", "{}.csv", "-o", "{}.bag", "--decimate-to", "100"], marks=pytest.mark.long),
     ],
     ids=["heading", "allan", "h5", "parquet", "decimated bag"],

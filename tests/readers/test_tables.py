@@ -191,7 +191,7 @@ def test_any_length_reads_back_bit_for_bit_and_in_chunks(tmp_path, suffix, rows)
     assert np.concatenate(forces).tobytes() == recording.accel_b.tobytes()
 
 
-CUTS = np.random.default_rng(6).integers(1, 10**6, 15)
+CUTS = np.random.default_rng(6).integers(1, 10**6, 8)
 
 
 @pytest.mark.parametrize("suffix", [".h5", ".parquet"])

@@ -179,7 +179,9 @@ def test_turning_the_body_turns_the_heading(name, psi):
 
 
 @pytest.mark.parametrize(("runs", "most"), [(6, 2), pytest.param(40, 7, marks=pytest.mark.long)])
-@pytest.mark.parametrize("sensor", ["hg9900", "isa100c", "sdc500"])
+@pytest.mark.parametrize(
+    "sensor", ["isa100c", *(pytest.param(name, marks=pytest.mark.long) for name in ("hg9900", "sdc500"))]
+)
 def test_a_knocked_unit_is_refused_or_covered(name, sensor, runs, most):
     """A knock of 1.5 deg about any axis, at any time: of 95 % intervals more miss in 2 of 1000 series, and in 0.7."""
     if name in ("paper", "baseline") and sensor != SENSOR:

@@ -61,7 +61,13 @@ def made(layout, output, samples=40, **sampler):
 
 
 @pytest.fixture(
-    scope="module", params=[("flattened", "degrees"), ("flattened", "cos_sin"), ("temporal", "degrees")], ids="-".join
+    scope="module",
+    params=[
+        pytest.param(("flattened", "degrees"), marks=pytest.mark.long),
+        ("flattened", "cos_sin"),
+        pytest.param(("temporal", "degrees"), marks=pytest.mark.long),
+    ],
+    ids="-".join,
 )
 def exported(request, tmp_path_factory):
     denoiser, heading, data = made(*request.param, t_back=980)

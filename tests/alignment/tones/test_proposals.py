@@ -35,8 +35,10 @@ def mean_error(made):
     return cyclic_rmse(np.arctan2(-rate[:, 1], rate[:, 0]) - made.heading)
 
 
+@pytest.mark.long
 def test_reference_mix_and_quiet(bundle):
-    # 200 recordings of another seed. The ratio to the mean scatters by about 10 %, coverage by 1.6 %.
+    # 200 recordings of another seed; a small form is in tests/test_pipeline.py.
+    # The ratio to the mean scatters by about 10 %, coverage by 1.6 %.
     for kind, ratio in (("mixed", 0.45), ("quiet", 1.05)):
         made = reference_set(kind, runs=200, seed=4)
         found = headings(bundle, made)
@@ -46,8 +48,7 @@ def test_reference_mix_and_quiet(bundle):
         assert found.fits.mean() > 0.95
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["square", "ramp", "beat"])
+@pytest.mark.parametrize("kind", ["ramp", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("square", "beat"))])
 def test_what_was_held_out_is_no_worse_than_the_mean(bundle, kind):
     made = reference_set(kind, runs=200, seed=5)
     assert cyclic_rmse(headings(bundle, made).heading - made.heading) < 1.1 * mean_error(made)
