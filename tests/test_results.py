@@ -34,6 +34,7 @@ def test_the_pages_are_what_their_data_give():
         "disturbed",
         "paper",
         "published",
+        "real",
         "stress",
         "turned",
     ]
