@@ -72,7 +72,7 @@ def _estimate_lines(estimate: HeadingEstimate) -> list[str]:
         )
     lines.append(f"{duration_text(estimate.duration)} used, method {estimate.method} ({estimate.method_reason})")
     if doc["roll_deg"] is not None:
-        lines.append(f"roll {number_text(doc['roll_deg'])}°, pitch {number_text(doc['pitch_deg'])}°")
+        lines.append(f"roll {doc['roll_deg']:.2f}°, pitch {doc['pitch_deg']:.2f}°")
     return lines
 
 
