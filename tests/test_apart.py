@@ -110,11 +110,16 @@ def test_a_crash_is_one_message(number):
 
 
 def test_ctrl_c_is_heard_while_the_child_is_busy_and_the_child_goes():
-    child = serving(lambda request: os.getpid() if request is None else spin(request))
-    pid = child.ask(None)
-    timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        child.ask("spin")
-    with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)
+    # A shell that starts the tests in its background has the signal ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        child = serving(lambda request: os.getpid() if request is None else spin(request))
+        pid = child.ask(None)
+        timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            child.ask("spin")
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+    finally:
+        signal.signal(signal.SIGINT, before)

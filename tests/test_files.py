@@ -222,8 +222,10 @@ class TestFolder:
         assert names(tmp_path) == ["bundle"]
 
 
+# A shell that starts the tests in its background has SIGINT ignored in all that they start.
 WAITING = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from gyronorth.files import folder_beside, write_text, written_beside
 with {writer}(sys.argv[1]) as part:
     write_text(part / "half" if part.is_dir() else part, "half")

@@ -127,8 +127,8 @@ def test_a_noise_law_that_is_too_good_is_scaled_up():
 
 
 def test_mixed_disturbance_costs_less_than_half_of_what_it_costs_the_mean():
-    # 15 recordings; in 400 of them the ratio is 0.31.
-    error, fits, plain = estimates("mixed", 15)
+    # 30 recordings; in 400 of them the ratio is 0.31.
+    error, fits, plain = estimates("mixed", 30)
     assert cyclic_rmse(error) < 0.5 * cyclic_rmse(plain)
     sigma = np.array([fit.sigma for fit in fits])
     # A mixture's squared error over sigma has heavier tails than chi-square: the band is that of 30 / 1.5 degrees.

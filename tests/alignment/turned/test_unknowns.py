@@ -37,7 +37,7 @@ def poses_of(sensor, turns, runs, seed=4):
 
 
 def swayed(gyro, accel, angle, seconds, lever=0.0):
-    """A unit that rolls to and fro: `angle` rad root mean square, and gravity with it."""
+    """A unit that rolls to one side and the other: `angle` rad root mean square, and gravity with it."""
     edges = np.arange(len(gyro) + 1) / RATE_HZ
     roll = angle * np.sqrt(2) * np.sin(2 * np.pi * edges / seconds)
     gyro, accel = gyro.copy(), accel.copy()
