@@ -162,9 +162,7 @@ def heading(
         of_one = (("--nmea", nmea), ("--posterior", posterior)) if not poses else ()
         single = [name for name, given in (("--plot", plot), ("--report", report), *of_one) if given]
         if single and poses:
-            raise InputError(
-                f"{single[0]} takes one recording, and --poses takes several; leave it out."
-            )
+            raise InputError(f"{single[0]} takes one recording, and --poses takes several; leave it out.")
         if single:
             what = f"{sources[0]} is a folder" if Path(sources[0]).is_dir() else "these are many"
             raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
