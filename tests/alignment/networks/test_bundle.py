@@ -183,6 +183,7 @@ def test_damaged_bundles_are_refused_by_name(exported, tmp_path):
         ({"schema": "gyronorth.bundle/9"}, "schema"),
         ({"layout": "across_batch"}, "layout"),
         ({"surprise": 1}, "surprise"),
+        ({"training": {"a": [{"b": float("inf")}]}}, "training"),
         ({"heading": {**whole["heading"], "file": "../heading.onnx"}}, "in the bundle's own folder"),
     ]:
         (folder / "bundle.json").write_text(json.dumps({**whole, **change}))

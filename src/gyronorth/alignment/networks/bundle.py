@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from gyronorth.alignment.networks.diffusion import Normalisation, Sampler, Schedule
 from gyronorth.errors import InputError
@@ -120,6 +120,13 @@ class Bundle(Strict):
     provenance: dict[str, str] = {}  # code version, libraries, where the data come from
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
+
+    @field_validator("training")
+    @classmethod
+    def _finite(cls, training: dict[str, Any]) -> dict[str, Any]:
+        """Settings are free in their form, but not infinite or NaN at any depth."""
+        json.dumps(training, allow_nan=False)
+        return training
 
     def to_json(self) -> str:
         """The text of `bundle.json`."""
