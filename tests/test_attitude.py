@@ -6,7 +6,7 @@ from hypothesis.strategies import floats
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from gyronorth.attitude import level, mat_bn, mat_lb
+from gyronorth.attitude import level, mat_bn, mat_lb, rotation_vector
 
 ROLL, PITCH, HEADING = floats(-3.1, 3.1), floats(-1.5, 1.5), floats(-3.1, 3.1)
 
@@ -30,3 +30,16 @@ def test_level_undoes_any_attitude(roll, pitch):
     force_b = mat_bn(roll, pitch, 0.0) @ [0, 0, -9.8]
     assert_allclose(level(force_b), [roll, pitch], atol=1e-9)
     assert_allclose(mat_lb(roll, pitch) @ force_b, [0, 0, -9.8], atol=1e-12)
+
+
+@given(floats(-1, 1), floats(-1, 1), floats(0.1, 1), floats(0, np.pi))
+def test_rotation_vectors_of_any_angle_are_those_of_scipy(x, y, z, angle):
+    vector = angle * np.array([x, y, z]) / np.linalg.norm([x, y, z])
+    mat = Rotation.from_rotvec(vector).as_matrix()
+    assert_allclose(rotation_vector(np.stack([mat, np.eye(3)])), [vector, np.zeros(3)], atol=1e-7)
+
+
+def test_half_a_turn_has_the_length_pi_about_its_axis():
+    for axis in (*np.eye(3), np.array([0.6, 0.0, -0.8])):
+        vector = rotation_vector(Rotation.from_rotvec(np.pi * axis).as_matrix())
+        assert_allclose(np.abs(vector @ axis), np.pi, rtol=1e-12)

@@ -28,6 +28,9 @@ from numpy.typing import ArrayLike
 from gyronorth.angles import wrap
 from gyronorth.arrays import Array
 
+#: Cosine of a rotation below which its axis is read from the symmetric part of its matrix.
+HALF_TURN = -0.9
+
 
 def level(accel_b: ArrayLike) -> tuple[Array, Array]:
     """Roll and pitch, rad, of a body at rest from its mean specific force.
@@ -85,7 +88,11 @@ def rotation(vector: ArrayLike) -> Array:
 
 
 def rotation_vector(mat: ArrayLike) -> Array:
-    """Rotation vector, rad, length below pi, of rotation matrices, shape (..., 3, 3) -> (..., 3)."""
+    """Rotation vector, rad, length at most pi, of rotation matrices, shape (..., 3, 3) -> (..., 3).
+
+    Near half a turn the sine of the angle vanishes, and the axis is read from the symmetric part, 1 + (1 - cos) of
+    which belong to it; at half a turn either sign is right.
+    """
     mat = np.asarray(mat, dtype=float)
     twice_sine_axis = np.stack(
         [mat[..., 2, 1] - mat[..., 1, 2], mat[..., 0, 2] - mat[..., 2, 0], mat[..., 1, 0] - mat[..., 0, 1]], axis=-1
@@ -93,7 +100,15 @@ def rotation_vector(mat: ArrayLike) -> Array:
     cosine = (np.trace(mat, axis1=-2, axis2=-1) - 1) / 2
     sine = np.linalg.norm(twice_sine_axis, axis=-1) / 2
     angle = np.arctan2(sine, cosine)
-    return twice_sine_axis / 2 / np.maximum(np.sinc(angle / np.pi), 1e-12)[..., None]
+    short = twice_sine_axis / 2 / np.maximum(np.sinc(angle / np.pi), 1e-12)[..., None]
+    if np.all(cosine > HALF_TURN):
+        return short
+    square = (mat + np.swapaxes(mat, -1, -2)) / 2 - cosine[..., None, None] * np.eye(3)  # (1 - cos) n n^T
+    largest = np.argmax(np.diagonal(square, axis1=-2, axis2=-1), axis=-1)
+    axis: Array = np.take_along_axis(square, largest[..., None, None], axis=-1)[..., 0]
+    axis = axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-300)
+    sign = np.where(np.sum(axis * twice_sine_axis, axis=-1) < 0, -1.0, 1.0)
+    return np.asarray(np.where((cosine > HALF_TURN)[..., None], short, (sign * angle)[..., None] * axis), dtype=float)
 
 
 def mean_rotation(vector: ArrayLike) -> Array:

@@ -238,7 +238,7 @@ def test_novatel_profiles_are_shipped():
 
     for imu in IMU_TYPES:
         if imu.profile:
-            read_sensor(imu.profile)
+            assert read_sensor(imu.profile).name == imu.profile
 
 
 # The others

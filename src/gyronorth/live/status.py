@@ -137,7 +137,7 @@ class Status:
         if high - low < 2 * pi:
             shift = turned["heading"] - estimate.heading
             low, high = (low + shift) % (2 * pi), (high + shift) % (2 * pi)
-        return replace(estimate, interval95=(low, high), **turned)
+        return replace(estimate, interval95=(low, high), posterior=None, **turned)  # no density is turned here
 
     @property
     def fitness(self) -> LiveFitness:

@@ -74,8 +74,8 @@ def accel_fits(values: NDArray[np.float64], rate_hz: float | None) -> list[Fit]:
 
 def gyro_fits(values: NDArray[np.float64], rate_hz: float | None, *, increments: bool | None = None) -> list[Fit]:
     """Units that raw rates (n, 3) may have, the best first; `increments` where that is known."""
-    mean, error = _mean(values)
-    norm, noise = float(np.linalg.norm(mean)), _noise(values)
+    mean, errors = robust_mean(values)
+    norm, error, noise = float(np.linalg.norm(mean)), float(np.linalg.norm(errors)), sample_noise(values)
     fits: list[tuple[float, Fit]] = []
     for each, names in ((False, GYRO_PROPOSED), (True, GYRO_INCREMENTS)):
         if (increments is not None and each != increments) or (each and rate_hz is None):
@@ -106,24 +106,27 @@ def earth_words(size: float) -> str:
     return f"{size / DEG_PER_HOUR:.4g} deg/h"
 
 
-def _parts(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    parts = max(1, min(PARTS, len(values)))
+def _parts(values: NDArray[np.float64], most: int = PARTS) -> NDArray[np.float64]:
+    parts = max(1, min(most, len(values)))
     size = max(1, len(values) // parts)
     return values[: parts * size].reshape(parts, size, 3).mean(axis=1)
 
 
-def _mean(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Median of the means of parts, shape (3,), and its standard error, of the norm."""
-    means = _parts(values)
+def robust_mean(values: NDArray[np.float64], most: int = PARTS) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Median of the means of `most` parts, shape (3,), and its standard error."""
+    means = _parts(values, most)
+    # 1.253 = sqrt(pi / 2): the standard error of a median over that of a mean, for Gaussian parts.
     error = 1.253 * means.std(axis=0, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.full(3, np.inf)
-    return median(means, axis=0), float(np.linalg.norm(error))
+    return median(means, axis=0), error
 
 
-def _noise(values: NDArray[np.float64]) -> float:
-    """Standard deviation of the white noise, by the differences of neighbours."""
+def sample_noise(values: NDArray[np.float64]) -> float:
+    """Standard deviation of the white noise, from first differences: their median size ignores a drive."""
     if len(values) < 2:
         return 0.0
-    return float(median(median(np.abs(np.diff(values, axis=0)), axis=0))) / (0.6745 * np.sqrt(2))
+    size = np.array([median(np.abs(np.diff(axis))) for axis in values.T])  # one at a time: of the recording's size
+    # A Gaussian difference of standard deviation s sqrt(2) has a median size of 0.6745 s sqrt(2).
+    return float(median(size)) / (0.6745 * np.sqrt(2))
 
 
 def is_whole(values: NDArray[np.float64]) -> bool:

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from gyronorth.arrays import median
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import about_vertical, convention, mat_bf
 from gyronorth.readers.declared import Declared
-from gyronorth.readers.evidence import KEPT_ONE_OF, NEAR_GRAVITY, norm_of_parts
+from gyronorth.readers.evidence import KEPT_ONE_OF, NEAR_GRAVITY, norm_of_parts, robust_mean, sample_noise
 from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 from gyronorth.recording import Note
 
@@ -61,14 +60,14 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
     InputError
         If the declared unit is implausible; it names the one that is not.
     """
-    gyro, gyro_error = _robust_mean(samples[:, :3])
-    moves = _moves(samples[:, :3], rate_hz)
+    gyro, gyro_error = robust_mean(samples[:, :3], PARTS)
+    moves = _moves(samples[:, :3])
     force = vertical = None
     if samples.shape[1] == 6:
-        force, _ = _robust_mean(samples[:, 3:])
+        force, _ = robust_mean(samples[:, 3:], PARTS)
         _check_force(norm_of_parts(samples[:, 3:]), declared, rate_hz=rate_hz, name=name)
         vertical = float(gyro @ force / np.linalg.norm(force))
-    norm, noise = float(np.linalg.norm(gyro)) / EARTH_RATE, _white_noise(samples[:, :3], rate_hz)
+    norm, noise = float(np.linalg.norm(gyro)) / EARTH_RATE, sample_noise(samples[:, :3]) / np.sqrt(rate_hz)
     uncertain = float(np.linalg.norm(gyro_error)) / EARTH_RATE
     implausible = norm > IMPLAUSIBLE_HIGH or noise > IMPLAUSIBLE_ARW or (norm + 3 * uncertain < IMPLAUSIBLE_LOW)
     if moves is not None:
@@ -123,12 +122,12 @@ def check_flags(flagged: NDArray[np.int64], samples: int, *, name: str) -> tuple
     return tuple(notes)
 
 
-def _moves(gyro: NDArray[np.float64], rate_hz: float) -> float | None:
+def _moves(gyro: NDArray[np.float64]) -> float | None:
     """By how much the mean rates of parts differ, in the unit of `gyro`, if far more than any noise lets them."""
     parts = min(PARTS, len(gyro))
     means = gyro[: parts * (len(gyro) // parts)].reshape(parts, -1, 3).mean(axis=1)
     spread = float(np.ptp(means, axis=0).max())
-    scatter = _white_noise(gyro, rate_hz) * np.sqrt(rate_hz)
+    scatter = sample_noise(gyro)
     return spread if parts == PARTS and scatter > 0 and spread > MOVING * scatter else None
 
 
@@ -137,7 +136,7 @@ def _moving(gyro: NDArray[np.float64], spread: float, declared: Declared, *, rat
     size = len(gyro) // PARTS
     means = gyro[: PARTS * size].reshape(PARTS, size, 3)
     halves = np.array([means[:, : size // 2].mean(axis=1), means[:, size // 2 :].mean(axis=1)])
-    scatter = _white_noise(gyro, rate_hz) * np.sqrt(rate_hz)
+    scatter = sample_noise(gyro)
     still = (np.abs(halves[0] - halves[1]).max(axis=1) < 8 * scatter / np.sqrt(size / 2)) & (
         np.linalg.norm(halves.mean(axis=0), axis=1) < IMPLAUSIBLE_HIGH * EARTH_RATE
     )
@@ -166,7 +165,7 @@ def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -
     """
     if samples.shape[1] != 6:
         return _assumed(declared, name)
-    force_file, _ = _robust_mean(samples[:, 3:])
+    force_file, _ = robust_mean(samples[:, 3:], PARTS)
     if np.linalg.norm(force_file) < 0.5 * norm_of_parts(samples[:, 3:]):
         return _assumed(declared, name)  # it was turned over: no axis is the vertical one
     down = -float((mat_bf(declared.axes) @ force_file)[2] / np.linalg.norm(force_file))
@@ -283,22 +282,3 @@ def _words(sensor: str, unit: str, increments: bool, declared: Declared | None =
     if increments != (declared.gyro_increments if sensor == "gyro" else declared.accel_increments):
         words += " --increments" if increments else " without --increments"
     return words.strip()
-
-
-def _robust_mean(samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Median of the means of `PARTS` parts, shape (3,), and its standard error."""
-    parts = min(PARTS, len(samples))
-    size = len(samples) // parts
-    means = samples[: parts * size].reshape(parts, size, 3).mean(axis=1)
-    # 1.253 = sqrt(pi / 2): the standard error of a median over that of a mean, for Gaussian parts.
-    error = 1.253 * means.std(axis=0, ddof=1) / np.sqrt(parts) if parts > 1 else np.full(3, np.inf)
-    return median(means, axis=0), error
-
-
-def _white_noise(gyro: NDArray[np.float64], rate_hz: float) -> float:
-    """Angle random walk, rad/sqrt(s), from first differences: their median size ignores a drive."""
-    if len(gyro) < 2:
-        return 0.0
-    size = np.array([median(np.abs(np.diff(axis))) for axis in gyro.T])  # one at a time: of the recording's size
-    # A Gaussian difference of standard deviation s sqrt(2) has a median size of 0.6745 s sqrt(2).
-    return float(median(size)) / (0.6745 * np.sqrt(2)) / np.sqrt(rate_hz)

@@ -49,16 +49,11 @@ def spectrum(x: ArrayLike, *, rate_hz: float) -> Spectrum:
     .. [1] P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE Transactions on
            Audio and Electroacoustics 15, 1967, pp. 70-73.
     """
+    from scipy.signal import welch
+
     x = np.asarray(x, dtype=np.float64)
-    length = 2 * len(x) // (SEGMENTS + 1)
-    window = np.hanning(length)[:, None]
-    power = np.zeros((length // 2 + 1, x.shape[1]))
-    for number in range(SEGMENTS):
-        piece = x[number * (length // 2) :][:length]
-        power += np.abs(np.fft.rfft((piece - piece.mean(axis=0)) * window, axis=0)) ** 2
-    power /= SEGMENTS * rate_hz * np.sum(window**2)
-    frequency = np.linspace(0, length // 2 * rate_hz / length, length // 2 + 1, dtype=np.float64)
-    return _in_bins(frequency[1:], power[1:])
+    frequency, power = welch(x, rate_hz, nperseg=2 * len(x) // (SEGMENTS + 1), axis=0)
+    return _in_bins(frequency[1:], power[1:] / 2)  # of both sides
 
 
 def _in_bins(frequency: NDArray[np.float64], power: NDArray[np.float64]) -> Spectrum:

@@ -206,17 +206,17 @@ def _accels(sensor: Sensor, trace: Array, seconds: float) -> list[TriadErrors]:
     return list(found.values())
 
 
-def weigh(known: Law, rate: Array, trace: Array | None) -> tuple[Array, Array, Array, Array, Array, Array]:
+def weigh(under: Law, rate: Array, trace: Array | None) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Log weights, information and estimates: horizontal (b, s) and (2, b, s), vertical (v, s) and (v, s)."""
     seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
-    log_h, info_h, rate_h = _axes(known.horizontal, seen, known)
-    log_v, info_v, rate_v = _axes(known.vertical, rate[:, 2:], known, tilting=TWIST)
-    return log_h + known.log_prior[:, None], info_h, rate_h, log_v + known.yaw_log_prior[:, None], info_v, rate_v[0]
+    log_h, info_h, rate_h = _axes(under.horizontal, seen, under)
+    log_v, info_v, rate_v = _axes(under.vertical, rate[:, 2:], under, tilting=TWIST)
+    return log_h + under.log_prior[:, None], info_h, rate_h, log_v + under.yaw_log_prior[:, None], info_v, rate_v[0]
 
 
-def _axes(axis: Axis, seen: Array, known: Law, *, tilting: float = 1.0) -> tuple[Array, Array, Array]:
+def _axes(axis: Axis, seen: Array, under: Law, *, tilting: float = 1.0) -> tuple[Array, Array, Array]:
     """Evidence of every base and shape over the axes `seen` (d, a): log weight, information, estimate (a, b, s)."""
-    shapes, axes = known.shapes, seen.shape[1]
+    shapes, axes = under.shapes, seen.shape[1]
     white = axis.whiten @ seen  # (b, d, a)
     across = np.swapaxes(white, 1, 2)  # (b, a, d)
     u_y = (across @ axis.constant[:, :, None])[..., 0].T

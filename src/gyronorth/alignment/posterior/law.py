@@ -160,7 +160,7 @@ def law_of(
 
 
 def _paired(motions: int, *, known: bool) -> tuple[Index, Index]:
-    """Numbers of drift and motion of each base: what drifts less than its profile is only told where nothing moves."""
+    """Numbers of drift and motion of each base; what drifts less than a known profile only where nothing moves."""
     pairs = [(d, m) for d, factor in enumerate(DRIFTS) for m in range(motions) if factor >= 1 or m == 0 or not known]
     drift, motion = np.array(pairs).T
     return drift, motion

@@ -14,7 +14,7 @@ import numpy as np
 
 from gyronorth.alignment.turned.segments import Segments, find_segments
 from gyronorth.arrays import Array
-from gyronorth.attitude import level, mat_bn
+from gyronorth.attitude import level, mat_bn, rotation_vector
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.recording import Recording
@@ -52,7 +52,7 @@ def joined(recordings: Sequence[Recording], turn_angles: Sequence[float] | None)
         attitude = mat_bn(float(roll), float(pitch), heading).T
         if before is not None:
             count = max(2, round(TURN * rate_hz))
-            rate = _turn_vector(before.T @ attitude) * rate_hz / count
+            rate = rotation_vector(before.T @ attitude) * rate_hz / count
             gyro.append(np.tile(rate, (count, 1)))
             accel.append(np.tile(down, (count, 1)))
             start += count
@@ -69,14 +69,6 @@ def joined(recordings: Sequence[Recording], turn_angles: Sequence[float] | None)
         notes=tuple(note for recording in recordings for note in recording.notes),
     )
     return whole, Segments(tuple(stretches), tuple(range(len(stretches))), (), measured=False)
-
-
-def _turn_vector(turn_b: Array) -> Array:
-    """Rotation vector of a rotation of any angle up to half a turn, rad, shape (3,)."""
-    axis = np.linalg.eigh((turn_b + turn_b.T) / 2)[1][:, -1]  # the axis, of either sign
-    sine = 0.5 * np.array([turn_b[2, 1] - turn_b[1, 2], turn_b[0, 2] - turn_b[2, 0], turn_b[1, 0] - turn_b[0, 1]])
-    angle = np.arctan2(float(sine @ axis), (np.trace(turn_b) - 1) / 2)
-    return np.asarray(angle * axis, dtype=float)
 
 
 def _check(recordings: Sequence[Recording], turn_angles: Sequence[float] | None) -> None:
