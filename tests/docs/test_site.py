@@ -11,8 +11,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[2]
-# Beside the whole suite in one process the search did not answer twice in three runs, for a reason not found yet.
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -61,11 +60,12 @@ def test_search_from_a_folder_asks_nobody(small_site, browser):
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.goto((small_site / "index.html").as_uri())
+    field = page.locator(".md-search__input").first
     result = page.locator(".md-search-result__item", has_text="Glossary").first
-    for _ in range(60):  # what is typed before the script listens is not heard
-        page.locator(".md-search__input").first.fill("")
-        page.locator(".md-search__input").first.fill("angle random walk")
-        page.wait_for_timeout(2000)
+    for _ in range(60):  # a field that is entered before the script listens must be entered again
+        field.blur()
+        field.fill("angle random walk")
+        page.wait_for_timeout(1000)
         if result.is_visible():
             break
     assert result.is_visible()

@@ -73,6 +73,18 @@ def test_what_was_lost_is_found_among_late_and_jittering_stamps(seed, share, jit
         assert_array_equal(found, np.diff(kept, prepend=-1) - 1)
 
 
+@pytest.mark.parametrize(("rows", "share"), [(300, 0.1), (1000, 0.05), (1500, 0.02), (3000, 0.01), (6000, 0.005)])
+@pytest.mark.parametrize("jitter", [0.0, 0.05])
+def test_some_thirty_samples_lost_at_random_leave_the_rate(rows, share, jitter):
+    """So few lie near a straight line once in three times where the envelope is taken over seconds of rows."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        time = np.sort((np.arange(rows) + jitter * rng.standard_normal(rows)) / 600)
+        interval = measure(np.diff(time[rng.random(rows) >= share]), unit=1.0)
+        assert interval is not None
+        assert abs(1 / interval / 600 - 1) < 1e-3
+
+
 @pytest.mark.parametrize("batch", [None, 1, 50, 999])
 def test_batches_do_not_matter(batch):
     rng = np.random.default_rng(11)

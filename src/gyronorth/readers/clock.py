@@ -169,14 +169,15 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     middle = float(median(positive))
     step = step[step <= ABSURD * middle]
     usual = np.abs(step - middle) <= USUAL * middle
-    common = None
+    common, width = None, len(step)
     if usual.mean() >= LEAST_USUAL:
         interval, clear = _in_phase(step, float(step[usual].mean()))
         found = _refined(step, interval, unit)
         if clear and found.moves < ENOUGH_MOVES and found.flat:
             return found.interval
         common = found.interval if found.lost <= MOST_LOST * len(step) else None
-    mean = _straight(step, unit)
+        width = found.longest_late + 1
+    mean = _straight(step, unit, width)
     if mean is not None or common is not None:
         return mean or common
     return _refined(step, _of_bursts(step), unit).interval
@@ -190,6 +191,7 @@ class _Fit:
     moves: int  # of the envelope
     lost: int  # samples, by the envelope
     flat: bool  # whether the envelope is, without the losses
+    longest_late: int  # rows that are late one after the other, at most
 
 
 def _refined(step: NDArray[np.float64], interval: float, unit: float | None) -> _Fit:
@@ -198,12 +200,15 @@ def _refined(step: NDArray[np.float64], interval: float, unit: float | None) -> 
     for turn in range(3):
         # An interval that is a little off tilts the envelope: the first look is over few rows.
         envelope = Envelope(interval, FEWEST_ROWS if turn == 0 else _width(interval, unit))
-        level = np.cumsum(envelope.take(time, last=True).moved)
+        settled = envelope.take(time, last=True)
+        level = np.cumsum(settled.moved)
         if turn < 2:
             interval = _on_line(time, interval, level)
     left = forward_minimum(_without_early(time / interval - np.arange(len(time)) - level, None), envelope.width)
     flat = float(np.ptp(left[: max(1, len(left) - FEWEST_ROWS)])) <= FLAT
-    return _Fit(interval, envelope.moves, envelope.lost, flat)
+    in_time = np.flatnonzero(settled.late <= MOVE)
+    longest = int(np.diff(in_time, prepend=-1, append=len(time)).max()) - 1
+    return _Fit(interval, envelope.moves, envelope.lost, flat, longest)
 
 
 def _in_phase(step: NDArray[np.float64], interval: float) -> tuple[float, bool]:
@@ -233,11 +238,14 @@ def _of_bursts(step: NDArray[np.float64]) -> float:
     return float(median(periods) / (usual.mean() if len(usual) else middle))
 
 
-def _straight(step: NDArray[np.float64], unit: float | None) -> float | None:
-    """The mean interval, if the lower envelope of the stamps keeps to a straight line."""
+def _straight(step: NDArray[np.float64], unit: float | None, late: int) -> float | None:
+    """The mean interval, if the lower envelope of the stamps keeps to a straight line.
+
+    The envelope is taken over `late` rows at most: a wider one would pass losses at random for a line.
+    """
     time = np.concatenate([[0.0], np.cumsum(step)])
     mean = _on_line(time, float(step.mean()), np.zeros(len(time)))
-    width = min(_width(mean, unit), max(FEWEST_ROWS, len(time) // 4))
+    width = min(_width(mean, unit), max(FEWEST_ROWS, len(time) // 4), late)
     floor = forward_minimum(_without_early(time / mean - np.arange(len(time)), None), width)
     return mean if float(np.ptp(floor[: max(1, len(floor) - width)])) <= STRAIGHT else None
 
