@@ -319,8 +319,7 @@ def _parts(x: Array) -> Iterator[tuple[Array, slice]]:
 
 def _block_of(x: Array) -> int:
     """Samples of a recording in one block of all of `x` (..., n, k)."""
-    count = x.shape[-2]
-    return min(max(BLOCK_SAMPLES * count // max(x.size // x.shape[-1], 1), 1), count)
+    return min(max(BLOCK_SAMPLES * x.shape[-2] // max(x.size // x.shape[-1], 1), 1), x.shape[-2])
 
 
 def _moments(x: Array, powers: int) -> Array:
