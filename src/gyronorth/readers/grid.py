@@ -240,6 +240,8 @@ class GridBuilder:
             interval = measure(step[~twice], unit=clock.unit)
             if interval is None and (self.rate_hz is None or len(time) > 1):
                 raise InputError(self._timeless(time, clock.name))
+            if interval is not None and np.isnan(interval):
+                raise InputError(self._unclear(time, clock.name))
             if interval is None:
                 self._interval = 1 / ((self.rate_hz or 1.0) * (clock.unit or 1.0))
             else:
@@ -291,6 +293,17 @@ class GridBuilder:
         return (
             f"{title} of {name} runs backwards, from {time[0]:.10g} to {time[-1]:.10g}: rows in reverse order, or "
             f"another column taken for time, are likely. Put them in order; or {cure}"
+        )
+
+    def _unclear(self, time: NDArray[np.float64], title: str) -> str:
+        """Why no rate can be had from stamps that are late by more than the samples lost between them."""
+        rate_hz = (
+            (len(time) - 1) / float(time[-1] - time[0]) / ((self._source.clock and self._source.clock.unit) or 1.0)
+        )
+        return (
+            f"{title} of {self._source.name} is late by more than a sample interval in most rows, and not all rows are "
+            f"there: on average {rate_hz:.4g} come in a second, the rate is higher. Leave that column out and declare "
+            "the rate: --columns t=- --rate HZ."
         )
 
     def _agree(self, timed: float, title: str) -> None:
