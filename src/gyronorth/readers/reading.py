@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.asking import ask
 from gyronorth.readers.axes import in_axes
-from gyronorth.readers.declared import Declared, forgotten_accelerometer, resolve
+from gyronorth.readers.declared import Declared, forgotten_accelerometer, in_place_of, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.plausible import check_axes, check_flags, check_units
+from gyronorth.readers.plausible import Misfit, check_axes, check_flags, check_units
 from gyronorth.readers.presets import load
 from gyronorth.readers.registry import open_source
-from gyronorth.readers.source import Source
+from gyronorth.readers.source import Question, Source
 from gyronorth.recording import AxesOrigin, Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Called with the share of the file that is read, as the reading goes on.
@@ -195,7 +196,13 @@ class Reading:
     def check(self, samples: NDArray[np.float64]) -> tuple[Note, ...]:
         """Units and axes against Earth rate and gravity."""
         if not (self.source.ours and self.source.stated.gyro_unit == "rad/s"):
-            check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
+            try:
+                check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
+            except Misfit as misfit:
+                cure = in_place_of(self.source, self.declared, misfit.sensor, misfit.unit, misfit.increments)
+                if not misfit.sensor or not cure:
+                    raise
+                raise ask(self.source.name, self.options, [Question(str(misfit), cure, certain=False)]) from None
         return check_axes(samples, self.declared, name=self.source.name)
 
     def info(self, notes: tuple[Note, ...]) -> RecordingInfo:
