@@ -277,7 +277,7 @@ class Reading:
 
     def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
         """What there is to say of the file, and of `samples` samples with these gaps and dropped rows."""
-        notes = self.source.notes + gap_notes(gaps, samples=samples) + self.length_notes
+        notes = self.source.notes + self.source.remarks() + gap_notes(gaps, samples=samples) + self.length_notes
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
