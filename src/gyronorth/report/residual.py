@@ -47,7 +47,7 @@ def residual(x: ArrayLike, *, rate_hz: float) -> Residual:
     length = max(1, len(x) // BLOCKS)
     count = len(x) // length
     means = x[: count * length].reshape(count, length, 3).mean(axis=1)
-    time: NDArray[np.float64] = (np.arange(count) + 0.5) * (length / rate_hz)
+    time: NDArray[np.float64] = (np.arange(count, dtype=np.float64) + 0.5) * (length / rate_hz)
     return Residual(time, means - means.mean(axis=0), length / rate_hz)
 
 
