@@ -117,7 +117,7 @@ class FrameReader:
         jumps = np.flatnonzero(samples.jumped).tolist()
         edges = [0, *(place for place in jumps if place > 0), len(samples)]
         batches = [RowBatch(form, rows.take(range(first, last))) for first, last in pairwise(edges) if last > first]
-        anew = "the unit's clock was set anew"
+        anew = "the unit's clock was reset"
         batches = [replace(batch, why=anew if i > 0 or samples.jumped[0] else "") for i, batch in enumerate(batches)]
         if self._why:
             batches[0], self._why = replace(batches[0], why=self._why), ""

@@ -241,7 +241,7 @@ def plan_figure(plan: Plan) -> Figure:
             if value.any():
                 parts.plot(plan.duration, np.degrees(value), color=colour, linestyle=line, label=part_name(part))
         if plan.useful_duration is not None and plan.shortest_duration is not None:
-            label = f"waiting helps until {duration_text(plan.useful_duration)}"
+            label = f"sigma levels off after {duration_text(plan.useful_duration)}"
             parts.axvline(plan.useful_duration, color=FAINT, linewidth=1.2, linestyle=(0, (1, 1.5)), label=label)
         bottom, top = parts.get_ylim()
         parts.set_ylim(max(total.min() / 300, bottom), min(200, top))
