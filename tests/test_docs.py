@@ -157,7 +157,7 @@ def test_commands_in_sentences_exist():
     assert len(called) > 10
     for call in called | {shown.removeprefix("gyronorth ") for shown in exceptions()}:
         name, *words = shlex.split(call)
-        options = {each for parameter in known[name].params for each in parameter.opts}
+        options = {each for parameter in known[name].params for each in (*parameter.opts, *parameter.secondary_opts)}
         assert {word for word in words if word.startswith("-")} - {"-"} <= options, call  # "-" is standard input
 
 

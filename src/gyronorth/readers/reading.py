@@ -273,6 +273,7 @@ class Reading:
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),
             axes="frd" if any(self.options.boresight) else self.declared.axes,
             axes_origin=self.declared.axes_origin,
+            units=self.declared.units,
         )
 
     def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
