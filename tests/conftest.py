@@ -6,6 +6,7 @@ import gc
 import os
 from collections.abc import Iterator
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import hypothesis
@@ -50,6 +51,10 @@ def one_command_line() -> Iterator[None]:
     """The commands with all their options are put together once, not anew at each call of a test."""
     from typer.main import get_command
 
+    from gyronorth.cli.tasks import MODULES
+
+    for module in MODULES:  # a command is loaded when it is called; what is put together has all
+        import_module(f"gyronorth.cli.{module}")
     with pytest.MonkeyPatch.context() as patch:
         once = cache(get_command)
         patch.setattr("typer.main.get_command", once)
