@@ -250,12 +250,11 @@ def posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float
     place = np.clip((off + reach) / step, 0, POINTS - 1).astype(int)
     bins = np.round(10 * np.log(np.maximum(concentration, 1e-3))).astype(int)
     angle = (np.arange(POINTS) - POINTS // 2) * step
-    density = np.zeros(POINTS)
-    for number in np.unique(bins):
-        here = bins == number
-        lines = np.bincount(place[here], weight[here], minlength=POINTS)
-        kernel = np.exp(np.exp(number / 10) * (np.cos(angle) - 1))
-        density += np.fft.irfft(np.fft.rfft(lines) * np.fft.rfft(np.fft.ifftshift(kernel / kernel.sum())), POINTS)
+    numbers, row = np.unique(bins, return_inverse=True)
+    lines = np.bincount(POINTS * row + place, weight, minlength=POINTS * len(numbers)).reshape(-1, POINTS)
+    kernel = np.exp(np.exp(numbers[:, None] / 10) * (np.cos(np.fft.ifftshift(angle)) - 1))
+    kernel /= kernel.sum(axis=1, keepdims=True)
+    density = np.fft.irfft(np.einsum("bf,bf->f", np.fft.rfft(lines), np.fft.rfft(kernel)), POINTS)
     density = np.maximum(density, 0)
     density /= density.sum()
     grid = (np.arange(POINTS) + 0.5) * step - reach
