@@ -112,6 +112,7 @@ class Study:
     report: Callable[[StudyPlan, Mapping[str, Result]], Report]  # of the results by unit name
     floor: Callable[[StudyPlan, Table], str] = lambda _plan, _table: ""  # a line below a table of heading errors
     described: Callable[[StudyPlan], Any] | None = None  # what it was run on, where that does not ship
+    by_name: bool = False  # takes so long that a whole benchmark leaves it out; `--study` runs it
 
     @property
     def on_recordings(self) -> bool:
