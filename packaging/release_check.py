@@ -201,6 +201,11 @@ STEPS: dict[str, Callable[[], str]] = {
 
 def main(names: list[str]) -> int:
     """Run the steps in order; a later one uses what an earlier one built."""
+    unknown = [name for name in names if name not in STEPS]
+    if unknown:
+        asked = {"-h", "--help"}.intersection(unknown)
+        print(__doc__ if asked else f"No step {', '.join(unknown)}.", f"Steps: {', '.join(STEPS)}", sep="\n")
+        return 0 if asked else 2
     OUT.mkdir(parents=True, exist_ok=True)
     failed = False
     for name in names or STEPS:
