@@ -21,7 +21,8 @@ demo: .venv/.demo
 	@echo "The report is in out/demo.html"
 
 # The tests start some 200 processes. Each would compile its libraries again where Python may not keep what it compiles.
-PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2
+# A file stays with one worker: what its fixtures make and what it alone imports is made once.
+PYTEST := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2 --dist loadfile
 
 test: .venv/.all
 	$(PYTEST)
@@ -87,7 +88,7 @@ oldest:
 	rm -rf out/oldest && mkdir -p out && python3.11 -m venv out/oldest
 	out/oldest/bin/pip install -q $(OLDEST) -e ".[report]" pytest pytest-xdist pytest-benchmark hypothesis jsonschema pynmeagps pyyaml
 	out/oldest/bin/python -m pytest -q -n 2 -m "not slow and not long" -o filterwarnings=default \
-		--ignore=src --ignore=tests/live --ignore=tests/learn --ignore=tests/frames --ignore=tests/test_docs.py --ignore=tests/docs
+		--ignore=tests/live --ignore=tests/learn --ignore=tests/frames --ignore=tests/test_docs.py --ignore=tests/docs
 
 # Known vulnerabilities of the pinned packages. Needs a vulnerability service on the network, so CI does not run it.
 audit: .venv/.all

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -23,6 +24,17 @@ hypothesis.settings.register_profile(
     print_blob=True,
 )
 hypothesis.settings.load_profile("gyronorth")
+
+
+# Everything that is loaded while tests are collected stays to the end: nothing to look for in it, then or later.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Set what the collection has loaded aside from the searches for garbage."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_itemcollected(item: pytest.Item) -> None:

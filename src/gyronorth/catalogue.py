@@ -170,6 +170,8 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
     FindingInfo("configuration_changed", "warning", "set anew", "The unit sent another configuration on the way."),
     FindingInfo("layout_changed", "warning", "other messages", "The unit sends other messages than at the start."),
+    FindingInfo("rate_changed", "warning", "another rate", "The unit was set to another rate on the way."),
+    FindingInfo("clock_set", "warning", "clock set anew", "The unit or its clock was set anew on the way."),
     FindingInfo("cut_off", "warning", "file cut off", "The file states more samples than it has."),
     FindingInfo("alignment_offset", "warning", "alignment offset set", "The heading is the vehicle's, not the unit's."),
     FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),

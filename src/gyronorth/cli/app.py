@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import os
 import shlex
 import sys
+from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Any, NoReturn
 
@@ -14,14 +16,18 @@ from typer.core import TyperGroup
 
 from gyronorth.cli import progress
 from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
-from gyronorth.cli.tasks import ABOUT
+from gyronorth.cli.tasks import ABOUT, MODULES
 
 #: Panel of the options that every command has.
 PANEL = "Verbosity"
 
 
 class Commands(TyperGroup):
-    """Shows the commands by task, runs one, and turns what it returns into the exit code, an error into one message."""
+    """Shows the commands by task, runs one, and turns what it returns into the exit code, an error into one message.
+
+    A command is loaded when it is called: each has its module, and building the options of all takes longer than many
+    a recording.
+    """
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -39,14 +45,24 @@ class Commands(TyperGroup):
         return _without_types(super().get_params(ctx))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """A command by its name."""
+        """The command of a name, loaded; for a name that there is not, all are, to offer what is near."""
+        if cmd_name not in self.commands:
+            self._load([module for module, names in MODULES.items() if cmd_name in names] or list(MODULES))
         command: Any = super().get_command(ctx, cmd_name)
         if command is not None:
             _without_types(command.get_params(ctx))
         return command
 
+    def _load(self, modules: Sequence[str] = tuple(MODULES)) -> None:
+        """Let modules define their commands, and take these up."""
+        for module in modules:
+            importlib.import_module(f"gyronorth.cli.{module}")
+        known: Any = typer.main.get_command(app)
+        self.commands.update(known.commands)
+
     def list_commands(self, ctx: Any) -> list[str]:
         """The names in the order of the tasks; what no task names comes last."""
+        self._load()
         return sorted(super().list_commands(ctx), key=[*ABOUT, *self.commands].index)
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
@@ -203,3 +219,10 @@ def _global_options(
     """True north from a gyroscope that stands still, with an uncertainty that can be believed."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
+
+
+def commands() -> dict[str, Any]:
+    """All commands by name, loaded."""
+    group: Any = typer.main.get_command(app)
+    group.list_commands(None)
+    return group.commands

@@ -100,7 +100,7 @@ class Framer:
             whole[index] = good
             if good.any():
                 layout[index[good]] = self._protocol.layouts(rows[good])
-                if size == self._usual:  # what begins inside such a frame is none
+                if size == self._usual and not self._protocol.weak:  # what begins inside such a frame is none
                     first = start[index[good]]
                     last = first[np.maximum(np.searchsorted(first, start, side="right") - 1, 0)]
                     open_ &= (start <= last) | (start >= last + size)
@@ -111,20 +111,34 @@ class Framer:
     ) -> tuple[Index, int]:
         """Indices of the accepted frames, and up to which byte all is decided."""
         matters = np.flatnonzero(whole | ~complete)
+        first, good = start[matters].tolist(), whole[matters].tolist()
+        ends = (start[matters] + length[matters]).tolist()
         end, taken = 0, []
-        for i, first, size, good in zip(
-            matters.tolist(), start[matters].tolist(), length[matters].tolist(), whole[matters].tolist(), strict=True
-        ):
-            if first < end:
+        for i, place in enumerate(matters.tolist()):
+            if first[i] < end:
                 continue
-            if not good:
-                if last:
+            rival = self._rival(i, first, ends) if self._protocol.weak and good[i] else None
+            if not good[i] or (rival is not None and not good[rival]):
+                if last and not good[i]:
                     continue
-                return np.array(taken, np.int64), first
-            taken.append(i)
-            end = first + size
+                if not last:
+                    return np.array(taken, np.int64), first[i]
+            elif rival is not None:
+                continue
+            taken.append(place)
+            end = ends[i]
         decided = len(data) if last else max(end, len(data) - self._protocol.head + 1)
         return np.array(taken, np.int64), decided
+
+    @staticmethod
+    def _rival(i: int, first: list[int], ends: list[int]) -> int | None:
+        """The first frame that begins in the frame i, by two bytes at least, and ends behind it."""
+        for k in range(i + 1, len(first)):
+            if first[k] > ends[i] - 2:
+                return None
+            if ends[k] > ends[i]:
+                return k
+        return None
 
     def _frames(self, data: Bytes, start: Index, length: Index, layout: Index, decided: int) -> Frames:
         edge = np.zeros(decided + 1, np.int8)

@@ -127,6 +127,32 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
     )
 
 
+def in_place_of(source: Source, declared: Declared, sensor: str, unit: str, increments: bool) -> tuple[str, ...]:
+    """The options by which the numbers of a sensor are read in another unit; none where no option does that.
+
+    A unit that the file states is not declared anew: a scale makes of it the other one.
+    """
+    gyro = sensor == "gyro"
+    was, units, scale = (
+        (declared.gyro_unit, GYRO_UNITS, declared.gyro_scale)
+        if gyro
+        else (declared.accel_unit, ACCEL_UNITS, declared.accel_scale)
+    )
+    options: tuple[str, ...] = ()
+    if increments != (declared.gyro_increments if gyro else declared.accel_increments):
+        other = declared.accel_increments if gyro else declared.gyro_increments
+        which = {(True, True): "both", (True, False): sensor, (False, True): "accel" if gyro else "gyro"}
+        options = ("--increments", which.get((increments, other), "none"))
+    stated = source.stated.gyro_unit if gyro else source.stated.accel_unit
+    if source.decoded or source.ours or (options and source.stated.increments):
+        return ()
+    if unit == was:
+        return options
+    if stated is None:
+        return (*options, f"--{sensor}-unit", unit)
+    return (*options, f"--{sensor}-scale", f"{scale * units[unit] / units[was]:.10g}")
+
+
 def forgotten_accelerometer(source: Source, options: ReadOptions, path: Path | str) -> Path | None:
     """The accelerometer's file beside a gyroscope's, where nobody says what to do with it."""
     declared = options.accel_file is not None or any(name in FORCES for name in options.columns or {})

@@ -12,6 +12,7 @@ from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_augmentation import AUGMENTATION
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
+from gyronorth.studies.paper_flow import FLOW
 from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED, PROTOCOL_LEAK
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
@@ -41,6 +42,7 @@ STUDIES: tuple[Study, ...] = (
     SPREAD,
     COST,
     *VARIANTS,
+    FLOW,
     TURNED,
     DISTURBED,
     LONG,

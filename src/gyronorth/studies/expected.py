@@ -11,12 +11,15 @@ from gyronorth.studies.work import Job, finished_units, with_needs
 
 #: CPU seconds of one thread, by layout, as the study `cost` measures them: an epoch of the denoiser, denoising the
 #: augmented recordings of a split, an epoch of the heading network.
-FLATTENED = (0.13, 8.0, 0.24)
+FLATTENED = (0.13, 3.5, 0.24)
 TEMPORAL = (6.6, 290.0, 5.8)
 #: An epoch of one of many heading networks trained at once, per 32 examples of a batch; a start of anything; all else.
 TOGETHER = 0.10
 START = 3.0
 OTHERS = 2.0
+#: Denoising for a split whose copies are mostly known from the splits before; a step of the flow; a recording judged.
+ALL_CLEANED = 0.5
+FLOW_STEP, FLOW_JUDGED = 0.1, 0.1
 #: Early stopping leaves out this share of the epochs.
 STOPPED = 0.4
 
@@ -35,7 +38,11 @@ def expected_seconds(job: Job) -> float:
         return START + cleaned + heading * length * (1 - STOPPED) * epochs
     if kind == "protocol_unit":
         count = len(job.arguments["splits"])
-        return START + count * (cleaned + TOGETHER * epochs * min(1.0, 40 / part.get("batch", 32)))
+        return START + count * (ALL_CLEANED * (cleaned > 0) + TOGETHER * epochs * min(1.0, 40 / part.get("batch", 32)))
+    if kind == "train_flow_unit":
+        return START + FLOW_STEP * settings.get("steps", 1500)
+    if kind == "judge_flow_unit":
+        return START + FLOW_JUDGED * job.arguments["runs"]
     return OTHERS
 
 
