@@ -447,7 +447,7 @@ def test_a_bad_line_costs_no_good_row():
     """The benchmark's stream, shortened: 1 % lost, 1 % garbage, three connections that break."""
     command = [sys.executable, "-m", "benchmarks.live_soak", "--minutes", "0.5", "--speed", "20"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=200, check=False)
+    run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert run.stdout, run.stderr
     figures = json.loads(run.stdout)
     assert figures["good_rows_missing_in_the_file"] == 0

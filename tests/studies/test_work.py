@@ -15,9 +15,10 @@ from gyronorth.cli import app
 from gyronorth.errors import InputError
 from gyronorth.files import no_empty_folder
 from gyronorth.many.workers import executor_on
-from gyronorth.studies.benchmark import run_benchmark, studies_of
+from gyronorth.studies.benchmark import left_out, run_benchmark, studies_of
+from gyronorth.studies.expected import expected_seconds
 from gyronorth.studies.study import StudyPlan
-from gyronorth.studies.work import Job, data_sha256, run_units
+from gyronorth.studies.work import Job, data_sha256, run_units, with_needs
 
 
 @pytest.fixture
@@ -82,6 +83,21 @@ def test_a_failing_unit_is_raised_and_the_others_are_kept(tmp_path):
 def test_two_units_of_one_name_are_refused(tmp_path, pool):
     with pytest.raises(ValueError, match="Two different units are called x"):
         run_units([Job("x", square, {"value": 1}), Job("x", square, {"value": 2})], tmp_path, pool, command="")
+
+
+def test_a_whole_benchmark_leaves_out_what_runs_by_name_only():
+    names = [study.name for study in studies_of("paper")]
+    assert left_out("paper") == ["protocol_leak", "temporal"]
+    assert not set(names) & {"protocol_leak", "temporal"}
+    assert [study.name for study in studies_of("paper", ("temporal",))] == ["temporal"]
+    assert left_out("paper", ("temporal",)) == left_out("published") == []
+
+
+def test_the_paper_takes_at_most_three_hours():
+    """By what is told before it starts."""
+    plan = StudyPlan()
+    jobs = with_needs([job for study in studies_of("paper") for job in study.units(plan)])
+    assert sum(expected_seconds(job) for job in jobs) < 3 * 3600
 
 
 def test_unknown_benchmarks_and_studies_are_refused():

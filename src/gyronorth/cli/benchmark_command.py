@@ -70,7 +70,7 @@ def benchmark(
     from gyronorth.files import no_empty_folder
     from gyronorth.many.workers import executor_on
     from gyronorth.report.study_figures import write_study_figures
-    from gyronorth.studies.benchmark import run_benchmark, studies_of
+    from gyronorth.studies.benchmark import left_out, run_benchmark, studies_of
     from gyronorth.studies.expected import told as told_before
     from gyronorth.studies.source import passed_over_text
     from gyronorth.studies.study import StudyPlan
@@ -98,6 +98,8 @@ def benchmark(
     if name == "paper":
         jobs = [job for one in chosen for job in one.units(plan)]
         typer.echo(told_before(jobs, output, workers), err=True)
+        if others := left_out(name, tuple(study or ())):
+            typer.echo(f"Left out for their cost; --study NAME runs them: {', '.join(others)}.", err=True)
     with (
         no_empty_folder(output),
         executor_on(scheduler, workers=workers) as executor,

@@ -102,7 +102,11 @@ class Law:
     bias: float  # turn-on and in-run bias of the profile, rad/s
 
 
-@lru_cache(maxsize=32)
+#: Laws that are kept: 2.3 MB each, and a running unit, whose every estimate is of another length, fills all places.
+KEPT = 4
+
+
+@lru_cache(maxsize=KEPT)
 def law(seconds: float, sensor: Sensor, *, known: bool, accel: bool, bumped: tuple[int, ...] = ()) -> Law:
     """The law of recordings of `COUNT` blocks of so many seconds, some of which hold bumps."""
     return law_of(seconds, sensor, known=known, accel=accel, bumped=bumped)
