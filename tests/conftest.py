@@ -33,7 +33,8 @@ hypothesis.settings.load_profile("gyronorth")
 gc.disable()
 
 
-def pytest_collection_finish() -> None:
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop() -> None:
     """Set what the collection has loaded aside from the searches for garbage."""
     gc.collect()
     gc.freeze()
