@@ -16,7 +16,7 @@ from gyronorth.errors import InputError
 from gyronorth.files import no_empty_folder
 from gyronorth.many.workers import executor_on
 from gyronorth.studies.benchmark import left_out, run_benchmark, studies_of
-from gyronorth.studies.expected import expected_seconds
+from gyronorth.studies.expected import Remaining, expected_seconds
 from gyronorth.studies.study import StudyPlan
 from gyronorth.studies.work import Job, data_sha256, run_units, with_needs
 
@@ -98,6 +98,23 @@ def test_the_paper_takes_at_most_three_hours():
     plan = StudyPlan()
     jobs = with_needs([job for study in studies_of("paper") for job in study.units(plan)])
     assert sum(expected_seconds(job) for job in jobs) < 3 * 3600
+
+
+def test_what_remains_is_told_from_the_pace_so_far(tmp_path):
+    """Two studies of units that are expected to take the same; each takes 100 s. No line within a minute."""
+    units = {
+        "a": [Job(f"a/{k}", square, {"value": k}) for k in range(2)],
+        "b": [Job(f"b/{k}", square, {"value": k}) for k in range(4)],
+    }
+    now = 0.0
+    remaining = Remaining(units, tmp_path, clock=lambda: now)
+    assert remaining.line("a", 0, 2) is None
+    now = 100.0
+    assert remaining.line("a", 1, 2) == "a: 1 of 2 units; about 8 min left for all."
+    now = 130.0
+    assert remaining.line("a", 2, 2) is None
+    now = 400.0
+    assert remaining.line("b", 2, 4) == "b: 2 of 4 units; about 3 min left for all."
 
 
 def test_unknown_benchmarks_and_studies_are_refused():

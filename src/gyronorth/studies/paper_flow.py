@@ -99,9 +99,8 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     for (kind, bias), job in _jobs(plan).items():
         found = results[job.name]
         errors = {name: as_rad(found["error_deg"][name]) for name in ROWS}
-        where = f"{kind}, residual bias {bias:g} deg/h" + (
-            "" if kind in TRAINED_ON and bias < 1 else ": not trained on"
-        )
+        known = kind in TRAINED_ON and bias == CASES[0][1]
+        where = f"{kind}, residual bias {bias:g} deg/h{'' if known else ', not trained on'}"
         for name, error in errors.items():
             count = np.arange(len(error))
             crmse = degrees(bootstrap_crmse(error, count, rng=rng))
