@@ -49,6 +49,17 @@ class Declared:
         """Whether any sensor holds increments."""
         return self.gyro_increments or self.accel_increments
 
+    @property
+    def units(self) -> str:
+        """Units of the file in words: "deg/s, g", with scale factors and increments where there are such."""
+        sensors = [(self.gyro_unit, self.gyro_scale, self.gyro_increments)]
+        if self.accel_unit:
+            sensors.append((self.accel_unit, self.accel_scale, self.accel_increments))
+        return ", ".join(
+            f"{'' if scale == 1 else f'{scale:.10g} '}{unit}{' as increments' if increments else ''}"
+            for unit, scale, increments in sensors
+        )
+
     def scale(self, rate_hz: float) -> NDArray[np.float64]:
         """SI per number of each value column at a sample rate, shape (3,) or (6,)."""
         per_second = rate_hz if self.increment_interval is None else 1 / self.increment_interval

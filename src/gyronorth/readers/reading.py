@@ -81,7 +81,7 @@ def read(
         If the file is damaged, or what it holds cannot be or is not known.
     """
     reading = Reading(path, options_of(options, declared), progress)
-    samples = _joined(reading.samples())
+    samples = _joined(reading.samples(), reading.rows)
     regulariser = reading.regulariser
     regulariser.finish()
     notes = reading.check(samples)
@@ -140,6 +140,7 @@ class Reading:
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
         if options.preset is not None:
             options = load(options.preset).onto(options)
+        self._path = Path(path)
         self.options = options
         self.progress = progress
         self.source: Source = open_source(path, options)
@@ -159,6 +160,12 @@ class Reading:
         if self.regulariser.rate_hz is None:
             raise InputError(f"{self.source.name} holds no rows of data.")
         return self.regulariser.rate_hz
+
+    @property
+    def rows(self) -> int:
+        """How many rows to make room for: those of the whole file, about, and no more than it can have bytes for."""
+        parts = self.source.parts
+        return 0 if parts is None or not self._path.is_file() else min(parts.rows, self._path.stat().st_size)
 
     def samples(self) -> Iterator[NDArray[np.float64]]:
         """SI samples in file axes, block after block."""
@@ -266,6 +273,7 @@ class Reading:
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),
             axes="frd" if any(self.options.boresight) else self.declared.axes,
             axes_origin=self.declared.axes_origin,
+            units=self.declared.units,
         )
 
     def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
@@ -277,7 +285,7 @@ class Reading:
 
     def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
         """What there is to say of the file, and of `samples` samples with these gaps and dropped rows."""
-        notes = self.source.notes + gap_notes(gaps, samples=samples) + self.length_notes
+        notes = self.source.notes + self.source.remarks() + gap_notes(gaps, samples=samples) + self.length_notes
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
@@ -299,12 +307,12 @@ class Reading:
         return notes
 
 
-def _joined(pieces: Iterator[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """The pieces (m, k) as one array, without holding both: what they fill grows where it lies."""
-    joined, count = np.empty((0, 3)), 0
+def _joined(pieces: Iterator[NDArray[np.float64]], rows: int) -> NDArray[np.float64]:
+    """The pieces (m, k) as one array, about `rows` long, without holding both: what they fill grows where it lies."""
+    joined, count = np.empty((rows, 3)), 0
     for piece in pieces:
         if joined.shape[1] != piece.shape[1]:
-            joined = np.empty((0, piece.shape[1]))
+            joined = np.empty((rows, piece.shape[1]))
         if count + len(piece) > len(joined):
             joined.resize((max(count + len(piece), len(joined) + len(joined) // 8), piece.shape[1]), refcheck=False)
         joined[count : count + len(piece)] = piece

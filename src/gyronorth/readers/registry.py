@@ -132,6 +132,8 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
         if not _head(archive).startswith(ZIP):
             raise InputError(f"There is no file {path}: {archive} is a file and no zip archive.")
         return _unzipped(archive, member, options, depth)
+    if not path.exists():
+        raise FileNotFoundError(path)
     if path.is_dir() and not is_bag_folder(path):
         raise InputError(f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}).")
     if path.is_file() and path.stat().st_size == 0:
