@@ -56,7 +56,7 @@ OTHER_WORDS = frozenset(
 )
 TIME_WORDS = frozenset(
     """
-    tv gpstow itow gpssec gpsseconds
+    tv gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
