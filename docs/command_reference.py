@@ -10,11 +10,9 @@ from collections.abc import Iterator
 from enum import Enum
 from typing import Any
 
-import typer.main
 from mkdocs.structure.files import File, Files
 
-from gyronorth.cli import app
-from gyronorth.cli.app import PANEL
+from gyronorth.cli.app import PANEL, commands
 from gyronorth.cli.options import FILE
 from gyronorth.cli.tasks import ABOUT
 
@@ -39,10 +37,10 @@ def on_files(files: Files, config: Any) -> Files:
 
 def reference() -> str:
     """The page, Markdown."""
-    group: Any = typer.main.get_command(app)
+    found = commands()
     shared: dict[str, Any] = {}
-    lines = [line for name in group.commands for line in command(name, group.commands[name], shared)]
-    every = [option for option in group.commands["heading"].params if getattr(option, "rich_help_panel", "") == PANEL]
+    lines = [line for name in found for line in command(name, found[name], shared)]
+    every = [option for option in found["heading"].params if getattr(option, "rich_help_panel", "") == PANEL]
     lines += [f"## {PANEL}\n", "These belong to every command.\n", *table(PANEL, every)]
     return "\n".join([INTRODUCTION, *lines, f"## {FILE}\n", "These belong to every command that reads recordings.\n",
                       *table(FILE, list(shared.values()))])  # fmt: skip

@@ -74,15 +74,14 @@ def _means_between(x: Array, edge: Array, ratio: float) -> Array:
     left = np.minimum(edge.astype(int), n - 1)
     share = (edge - left)[:, None]
     at_edge = np.zeros((*x.shape[:-2], len(edge), x.shape[-1]))
-    before, start = np.zeros_like(centre), 0
-    for _, part in _parts(x):
-        end = start + part.shape[-2]
-        total = np.concatenate([before, part - centre], axis=-2)
+    before = np.zeros_like(centre)
+    for _, samples in _parts(x):
+        total = np.concatenate([before, x[..., samples, :] - centre], axis=-2)
         np.cumsum(total, axis=-2, out=total)
-        here = slice(*np.searchsorted(left, (start, end)))
-        place = left[here] - start
+        here = slice(*np.searchsorted(left, (samples.start, samples.stop)))
+        place = left[here] - samples.start
         at_edge[..., here, :] = total[..., place, :] * (1 - share[here]) + total[..., place + 1, :] * share[here]
-        before, start = total[..., -1:, :].copy(), end
+        before = total[..., -1:, :].copy()
     return np.diff(at_edge, axis=-2) * ratio + centre
 
 
@@ -272,85 +271,97 @@ def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float)
     -----
     The covariance of the two is free of both sensors' noise, which is independent.
     """
-    turn = np.swapaxes(mat_lb, -1, -2)
     lead, count = gyro_b.shape[:-2], gyro_b.shape[-2]
-    middle, slope = _line(_angles(gyro_b, turn, rate_hz), count)
-    square, peak = np.zeros((*lead, 3)), np.zeros(lead)
+    to_angle, shares = mat_lb / rate_hz, _Harmonics(gyro_b, count)
+    middle, slope = _line_of_integral(_moments(gyro_b, 3), count, to_angle)
+    before, square, peak = np.zeros((*lead, 3, 1)), np.zeros((*lead, 3)), np.zeros(lead)
     product, transform = np.zeros(lead), np.zeros((*lead, len(HARMONICS), 2))
-    tilts: Iterator[tuple[Array, Array | None]]
-    if accel_b is None:
-        tilts, middle_tilt, slope_tilt = ((time, None) for time, _ in _parts(gyro_b)), np.zeros(1), np.zeros(1)
-    else:
-        middle_tilt, slope_tilt = _line(_tilts(accel_b, turn), count)
-        tilts = _tilts(accel_b, turn)
-    for (time, angle), (_, tilt) in zip(_angles(gyro_b, turn, rate_hz), tilts, strict=True):
-        angle -= middle + time[:, None] * slope
-        square += np.einsum("...tk,...tk->...k", angle, angle)
-        peak = np.maximum(peak, np.einsum("...tk,...tk->...t", angle, angle).max(axis=-1))
-        if tilt is not None:
-            tilt -= middle_tilt + time[:, None] * slope_tilt
-            product += np.einsum("...tk,...tk->...", tilt, angle[..., :2])
-            tilt -= angle[..., :2]
-            transform += _harmonics(time, count) @ tilt
+    to_tilt = middle_tilt = slope_tilt = np.zeros(1)
+    if accel_b is not None:
+        moments = _moments(accel_b, 2)
+        gravity = np.linalg.norm(moments[..., 0, :] / count, axis=-1)[..., None, None]
+        # A small roll moves f_y by -g roll, a small pitch f_x by g pitch, in frd axes at rest.
+        to_tilt = np.stack([-mat_lb[..., 1, :], mat_lb[..., 0, :]], axis=-2) / gravity
+        middle_tilt, slope_tilt = _line(moments, count, to_tilt)
+    for time, samples in _parts(gyro_b):
+        step = to_angle @ np.swapaxes(gyro_b[..., samples, :], -1, -2)
+        angle = np.cumsum(step, axis=-1)  # the integrated rate up to the middle of each sample
+        angle += before
+        before = angle[..., -1:].copy()
+        step *= 0.5
+        angle -= step
+        angle -= middle + slope * time
+        square += np.einsum("...kt,...kt->...k", angle, angle)
+        peak = np.maximum(peak, np.einsum("...kt,...kt->...t", angle, angle).max(axis=-1))
+        if accel_b is not None:
+            tilt = to_tilt @ np.swapaxes(accel_b[..., samples, :], -1, -2)
+            tilt -= middle_tilt + slope_tilt * time
+            product += np.einsum("...kt,...kt->...", tilt, angle[..., :2, :])
+            tilt -= angle[..., :2, :]
+            transform += shares.of(samples.start, np.swapaxes(tilt, -1, -2))
     seen, nothing = accel_b is not None, np.full(lead, np.nan)
     return Sway(
         gyro_variance=square[..., :2].sum(axis=-1) / (2 * count),
         tilt_variance=product / (2 * count) if seen else nothing,
-        tilt_change=np.linalg.norm(slope_tilt, axis=(-2, -1)) * count if seen else nothing,
+        tilt_change=np.linalg.norm(slope_tilt[..., 0], axis=-1) * count if seen else nothing,
         tilt_noise=_slope_variance_of(transform, count, duration=1.0) if seen else nothing,
         yaw_variance=square[..., 2] / count,
         excursion=np.sqrt(peak),
     )
 
 
-def _parts(x: Array) -> Iterator[tuple[Array, Array]]:
-    """Blocks (..., m, k) of `x` (..., n, k), each with its times (m,), samples from the middle."""
-    count = x.shape[-2]
-    size = max(BLOCK_SAMPLES * count // max(x.size // x.shape[-1], 1), 1)
+def _parts(x: Array) -> Iterator[tuple[Array, slice]]:
+    """Blocks of the samples of `x` (..., n, k): their times (m,), samples from the middle, and their numbers."""
+    count, size = x.shape[-2], _block_of(x)
     for start in range(0, count, size):
-        part = x[..., start : start + size, :]
-        yield np.arange(start, start + part.shape[-2]) - (count - 1) / 2, part
+        yield np.arange(start, min(start + size, count)) - (count - 1) / 2, slice(start, start + size)
 
 
-def _angles(gyro_b: Array, turn: Array, rate_hz: float) -> Iterator[tuple[Array, Array]]:
-    """The integrated rate in the levelled frame, rad, up to the middle of each sample, block by block."""
-    before = np.zeros((*gyro_b.shape[:-2], 1, 3))
-    for time, part in _parts(gyro_b):
-        rate = part @ turn
-        angle = np.cumsum(rate, axis=-2)
-        angle += before
-        before = angle[..., -1:, :].copy()
-        yield time, (angle - rate / 2) / rate_hz
+def _block_of(x: Array) -> int:
+    """Samples of a recording in one block of all of `x` (..., n, k)."""
+    count = x.shape[-2]
+    return min(max(BLOCK_SAMPLES * count // max(x.size // x.shape[-1], 1), 1), count)
 
 
-def _tilts(accel_b: Array, turn: Array) -> Iterator[tuple[Array, Array]]:
-    """Roll and pitch from the levelled attitude by the accelerometer, rad, block by block."""
-    gravity = np.linalg.norm(mean_of_rows(accel_b), axis=-1)[..., None, None]
-    for time, part in _parts(accel_b):
-        force = part @ turn
-        # A small roll moves f_y by -g roll, a small pitch f_x by g pitch, in frd axes at rest.
-        yield time, np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity
+def _moments(x: Array, powers: int) -> Array:
+    """Sums over the samples of `x` (..., n, k) times powers 0, 1, ... of time, samples from the middle."""
+    total = np.zeros((*x.shape[:-2], powers, x.shape[-1]))
+    for time, samples in _parts(x):
+        total += time ** np.arange(powers)[:, None] @ x[..., samples, :]
+    return total
 
 
-def _line(blocks: Iterator[tuple[Array, Array]], count: int) -> tuple[Array, Array]:
-    """Mean and slope per sample, (..., 1, k), of the line through blocks of `count` samples in all."""
-    total, moment, square = np.zeros(1), np.zeros(1), 0.0
-    for time, x in blocks:
-        total = total + np.einsum("...tk->...k", x)[..., None, :]
-        moment = moment + time @ x
-        square += float(time @ time)
-    return total / count, np.expand_dims(moment, -2) / max(square, 1.0)
+def _line(moments: Array, count: int, mat: Array) -> tuple[Array, Array]:
+    """Mean and slope per sample, (..., k, 1), of the line through `mat @ x`, from the `_moments` of x."""
+    square = max(count * (count**2 - 1) / 12, 1.0)
+    return mat @ (moments[..., 0, :, None] / count), mat @ (moments[..., 1, :, None] / square)
 
 
-def _harmonics(time: Array, count: int) -> Array:
-    """Rows of the cosine transform at `HARMONICS`, shape (harmonics, m), for times from the middle."""
-    cosine = np.cos(np.pi * (time + count / 2) / count)
-    rows = np.empty((HARMONICS[-1] + 1, len(time)))
-    rows[0], rows[1] = np.sqrt(2 / count), np.sqrt(2 / count) * cosine
-    for k in range(2, len(rows)):  # cos k a = 2 cos a cos (k - 1) a - cos (k - 2) a: one cosine for all of them
-        np.multiply(2 * cosine, rows[k - 1], out=rows[k])
-        rows[k] -= rows[k - 2]
-    return rows[HARMONICS]
+def _line_of_integral(moments: Array, count: int, mat: Array) -> tuple[Array, Array]:
+    """The same of the integral of `mat @ x` up to the middle of each sample.
+
+    In its sum, and its sum times time, a sample at time t has the shares n / 2 - t and (h^2 + h - t^2) / 2, where
+    h = (n - 1) / 2 is the time of the last one.
+    """
+    zeroth, first, second = (moments[..., power, :] for power in range(3))
+    last = (count - 1) / 2
+    sums = np.stack([count / 2 * zeroth - first, ((last**2 + last) * zeroth - second) / 2], axis=-2)
+    return _line(sums, count, mat)
+
+
+class _Harmonics:
+    """The cosine transform at `HARMONICS` of records of `count` samples, block by block as those of `x`."""
+
+    def __init__(self, x: Array, count: int) -> None:
+        self._step = np.pi * HARMONICS[:, None] / count
+        angle = self._step * np.arange(_block_of(x))
+        self._cosine, self._sine = np.sqrt(2 / count) * np.cos(angle), np.sqrt(2 / count) * np.sin(angle)
+
+    def of(self, start: int, part: Array) -> Array:
+        """What a block (..., m, k) from sample `start` on adds to the transform, shape (..., harmonics, k)."""
+        first, size = self._step * (start + 0.5), part.shape[-2]
+        cosine, sine = self._cosine[:, :size] @ part, self._sine[:, :size] @ part
+        return np.cos(first) * cosine - np.sin(first) * sine
 
 
 def slope_variance(residual: Array, *, duration: float) -> Array:
@@ -372,8 +383,9 @@ def slope_variance(residual: Array, *, duration: float) -> Array:
     """
     count = residual.shape[-2]
     transform = np.zeros((*residual.shape[:-2], len(HARMONICS), residual.shape[-1]))
-    for time, part in _parts(residual):
-        transform += _harmonics(time, count) @ part
+    shares = _Harmonics(residual, count)
+    for _, samples in _parts(residual):
+        transform += shares.of(samples.start, residual[..., samples, :])
     return _slope_variance_of(transform, count, duration=duration)
 
 

@@ -168,7 +168,7 @@ class TestHeading:
         declared = ("--window", "5:55", "--boresight", "0,0,90", "--gyro-bias", "0.1,0,0", "--roll", 2, "--pitch", -1)
         run("heading", rec, "--report", out, *declared)
         page = out.read_text()
-        for text in ("5 to 55 s", "0°, 0°, 90°", "0.1, 0, 0 deg/h", "2°, -1°", str(rec)):
+        for text in ("5 to 55 s", "0°, 0°, 90°", "0.1, 0, 0 deg/h", "2°, -1°", str(rec), "frd, stated", "rad/s, m/s2"):
             assert text in page
 
 

@@ -4,19 +4,19 @@ import re
 import shlex
 
 import pytest
-import typer.main
 from typer.testing import CliRunner
 
 from gyronorth.catalogue import METHODS
 from gyronorth.cli import app, completion
-from gyronorth.cli.tasks import ABOUT
+from gyronorth.cli.app import commands
+from gyronorth.cli.tasks import ABOUT, MODULES
 from gyronorth.errors import did_you_mean
 from gyronorth.frames.catalogue import NAMES
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.options import ReadOptions
 from gyronorth.sensor import read_sensor
 
-GROUP = typer.main.get_command(app)
+COMMANDS = commands()
 
 
 def run(*arguments):
@@ -31,7 +31,7 @@ def test_bare_call_prints_the_help_and_succeeds():
 
 
 def test_every_command_has_a_task_and_examples_and_stands_in_their_order():
-    assert set(ABOUT) == set(GROUP.commands)
+    assert set(ABOUT) == set(COMMANDS)
     shown = run("--help").stdout
     places = [re.search(rf"^\W*{name} ", shown, re.MULTILINE) for name in ABOUT]
     assert None not in places
@@ -39,9 +39,22 @@ def test_every_command_has_a_task_and_examples_and_stands_in_their_order():
     assert all(examples for _, examples in ABOUT.values())
 
 
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_defines_the_commands_that_are_looked_for_in_it(module):
+    """A command is loaded alone: what its module does not define would not be found."""
+    defined = {command.__module__ for name, command in called() if name in MODULES[module]}
+    assert defined == {f"gyronorth.cli.{module}"}
+
+
+def called():
+    """Name and function of each command."""
+    for info in app.registered_commands:
+        yield info.name or info.callback.__name__, info.callback
+
+
 @pytest.mark.parametrize("name", ABOUT)
 def test_examples_use_options_that_the_command_has(name):
-    command = GROUP.commands[name]
+    command = COMMANDS[name]
     known = {switch for parameter in command.params for switch in parameter.opts}
     help_text = " ".join(run(name, "--help").stdout.split())
     for example in ABOUT[name][1]:
@@ -67,6 +80,36 @@ def test_a_name_that_is_nearly_right_is_offered(arguments, meant):
     said = run(*arguments)
     assert said.exit_code == 2
     assert f"Did you mean '{meant}'?" in " ".join(said.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (("examples/data/demo.npz", "--sensor", "sdc500"), "gyronorth heading examples/data/demo.npz --sensor sdc500"),
+        (("--sensor", "sdc500", "heading", "a b.csv"), "gyronorth heading --sensor sdc500 'a b.csv'"),
+        (("-v", "info", "a.csv"), "gyronorth info -v a.csv"),
+        (("help",), "'--help'"),
+        (("version",), "'--version'"),
+        (("benchmark", "papr", "-o", "out"), "'paper'"),
+    ],
+)
+def test_words_in_another_order_are_put_right(arguments, meant):
+    said = run(*arguments)
+    assert said.exit_code == 2
+    assert meant in said.stderr
+
+
+@pytest.mark.parametrize("arguments", [(), ("heading",), ("live",)])
+def test_a_switch_shows_no_type(arguments):
+    assert "<bool>" not in run(*arguments, "--help").stdout
+
+
+@pytest.mark.parametrize("command", ["explain", "heading", "info", "import"])
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat", ".h5", ".bag"])
+def test_a_file_that_is_not_there_is_said_to_be_missing(command, suffix):
+    said = run(command, f"nowhere{suffix}")
+    assert said.exit_code == 2
+    assert f"There is no file nowhere{suffix}" in said.stderr
 
 
 def test_nothing_is_offered_for_a_name_that_is_far_off():

@@ -113,7 +113,7 @@ def test_a_clock_that_is_set_anew_begins_a_new_stretch(monkeypatch, tmp_path):
     data = b"".join(case.frames[3000:]) + b"".join(case.frames[:2500])
     session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv", method="mean")
     assert session.status.counters.restarts == 1
-    assert session.status.message == "Started anew: the unit's clock was set anew."
+    assert session.status.message == "Restarted: the unit's clock was reset."
     assert session.status.seconds == pytest.approx(2.5)
     assert gn.read(tmp_path / "rec.csv").duration == pytest.approx(3.0, abs=0.01)
 

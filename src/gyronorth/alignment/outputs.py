@@ -11,7 +11,8 @@ import numpy as np
 
 from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, Gate
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array, Mask
+from gyronorth.arrays import Array, Mask, mean_of_rows
+from gyronorth.conditioning import BLOCK_SAMPLES
 from gyronorth.earth import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def output_gates(problem: Problem) -> list[Gate]:
 
 def gravity_gate(accel_b: Array) -> Gate:
     """A mean specific force that is not about 1 g: no attitude can be read from it."""
-    size = np.linalg.norm(accel_b.mean(axis=-2), axis=-1) / STANDARD_GRAVITY
+    size = np.linalg.norm(mean_of_rows(accel_b), axis=-1) / STANDARD_GRAVITY
     off = np.abs(size - 1)
     return Gate(
         "gravity",
@@ -91,8 +92,9 @@ def axis_gates(x: Array, *, rate_hz: float, what: str) -> list[Gate]:
     limit = np.full(longest.shape, SHORTEST)
     still = changes == 0
     all_still = still.all(axis=-1, keepdims=True)
-    coarse = (often.max(axis=-1, keepdims=True) <= 0.5) & (_step(x) <= HARMLESS_STEP[what])[..., None]
-    dead = still & ~all_still & ~coarse & (longest >= least)
+    dead = still & ~all_still & (longest >= least)
+    if dead.any():
+        dead &= ~((often.max(axis=-1, keepdims=True) <= 0.5) & (_step(x) <= HARMLESS_STEP[what])[..., None])
     if what == "gyro":
         dead |= _only_dither(x) & ~still
         hung |= all_still & still & (longest >= least)
@@ -130,20 +132,21 @@ def longest_hold(x: Array) -> tuple[int, int]:
 
 def _holds(x: Array) -> tuple[Array, Array]:
     """Longest run of equal samples and number of changes, of each axis, shape (..., 3)."""
-    lead = x.shape[:-2]
-    flat = x.reshape(-1, *x.shape[-2:])
-    count, runs = flat.shape[1], len(flat)
-    longest, changes = np.ones((runs, 3)), np.zeros((runs, 3))
+    lead, count = x.shape[:-2], x.shape[-2]
+    flat = x.reshape(-1, count, 3)
+    longest, repeats = np.ones((len(flat), 3)), np.zeros((len(flat), 3))
     size = max(1, _PIECE // max(count, 1))
-    index: Array = np.arange(count, dtype=float)[:, None]
-    for first in range(0, runs, size):
+    for first in range(0, len(flat), size):
         part = flat[first : first + size]
-        change = np.ones((len(part), count, 3), dtype=bool)
-        np.not_equal(part[:, 1:], part[:, :-1], out=change[:, 1:])
-        begun = np.maximum.accumulate(np.where(change, index, 0.0), axis=1)
-        longest[first : first + size] = (index - begun).max(axis=1) + 1
-        changes[first : first + size] = change.sum(axis=1) - 1
-    return longest.reshape(*lead, 3), changes.reshape(*lead, 3)
+        equal = part[:, 1:] == part[:, :-1]
+        if not equal.any():
+            continue
+        equal = np.ascontiguousarray(np.swapaxes(equal, -1, -2))
+        repeats[first : first + size] = np.count_nonzero(equal, axis=-1)
+        for run, axis in np.argwhere(repeats[first : first + size]).tolist():
+            edges = np.flatnonzero(np.diff(equal[run, axis], prepend=False, append=False))
+            longest[first + run, axis] = (edges[1::2] - edges[::2]).max() + 1
+    return longest.reshape(*lead, 3), (max(count - 1, 0) - repeats).reshape(*lead, 3)
 
 
 def _step(x: Array) -> Array:
@@ -155,8 +158,13 @@ def _step(x: Array) -> Array:
 
 def _only_dither(x: Array) -> Mask:
     """Axes that show nothing but a noise far below that of both others."""
-    if x.shape[-2] < FEWEST_SAMPLES:
+    count = x.shape[-2]
+    silent = np.abs(mean_of_rows(x)) < DEAD_RATE
+    if count < FEWEST_SAMPLES or not silent.any():
         return np.zeros((*x.shape[:-2], 3), dtype=bool)
-    noise = np.abs(np.diff(x, n=4, axis=-2)).mean(axis=-2)
+    noise = np.zeros((*x.shape[:-2], 3))
+    size = max(1, BLOCK_SAMPLES * count // max(x.size // 3, 1))
+    for start in range(0, count - 4, size):
+        noise += np.einsum("...tk->...k", np.abs(np.diff(x[..., start : start + size + 4, :], n=4, axis=-2)))
     others = np.stack([np.minimum(noise[..., (k + 1) % 3], noise[..., (k + 2) % 3]) for k in range(3)], axis=-1)
-    return (noise < DEAD_SHARE * others) & (np.abs(x.mean(axis=-2)) < DEAD_RATE)
+    return (noise < DEAD_SHARE * others) & silent

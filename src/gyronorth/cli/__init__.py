@@ -9,19 +9,7 @@ from __future__ import annotations
 import gc
 import os
 
-from gyronorth.cli import (  # noqa: F401  # they join the application
-    benchmark_command,
-    calibrate_command,
-    explain_command,
-    heading_command,
-    import_command,
-    live_command,
-    published_command,
-    recording_commands,
-    sensor_commands,
-    train_command,
-)
-from gyronorth.cli.app import app
+from gyronorth.cli.app import app as app
 
 
 def main() -> None:

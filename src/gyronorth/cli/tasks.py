@@ -56,3 +56,17 @@ ABOUT: dict[str, tuple[str, tuple[str, ...]]] = {
     "benchmark": (RESEARCH, ("gyronorth benchmark published -o results",)),
     "published": (RESEARCH, ("gyronorth published -o published",)),
 }
+
+#: Module of `gyronorth.cli` -> the commands that it defines: only that of the command that is called is loaded.
+MODULES: dict[str, tuple[str, ...]] = {
+    "benchmark_command": ("benchmark",),
+    "calibrate_command": ("calibrate",),
+    "explain_command": ("explain",),
+    "heading_command": ("heading",),
+    "import_command": ("import",),
+    "live_command": ("live",),
+    "published_command": ("published",),
+    "recording_commands": ("simulate", "info", "convert"),
+    "sensor_commands": ("sensors", "allan", "plan"),
+    "train_command": ("train",),
+}

@@ -132,7 +132,7 @@ class FrameReader:
         jumps = np.flatnonzero(samples.jumped).tolist()
         edges = [0, *(place for place in jumps if place > 0), len(samples)]
         clock = self._stream.report.clock == "unit's clock"
-        anew = "the unit's clock was set anew" if clock else "the unit started anew"
+        anew = "the unit's clock was reset" if clock else "the unit restarted"
         batches = []
         for first, last in pairwise(edges):
             why = (self._why or anew) if samples.jumped[first] else ""

@@ -381,7 +381,7 @@ class Session:
         if self._stretch is not None:
             self._finish_stretch(held=timeline is None)
             self._past = replace(self._past, restarts=self._past.restarts + 1)
-            self._message = f"Started anew: {why}" + ("" if why.endswith(".") else ".")
+            self._message = f"Restarted: {why}" + ("" if why.endswith(".") else ".")
         self._stretch = self._shown = stretch
         if timeline is None:
             timeline = Timeline(stretch.declared.rate_hz) if batch.form.time else None

@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.asking import ask
 from gyronorth.readers.axes import in_axes
-from gyronorth.readers.declared import Declared, forgotten_accelerometer, resolve
+from gyronorth.readers.declared import Declared, forgotten_accelerometer, in_place_of, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.plausible import check_axes, check_flags, check_units
+from gyronorth.readers.plausible import Misfit, check_axes, check_flags, check_units
 from gyronorth.readers.presets import load
 from gyronorth.readers.registry import open_source
-from gyronorth.readers.source import Source
+from gyronorth.readers.source import Question, Source
 from gyronorth.recording import AxesOrigin, Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Called with the share of the file that is read, as the reading goes on.
@@ -80,7 +81,7 @@ def read(
         If the file is damaged, or what it holds cannot be or is not known.
     """
     reading = Reading(path, options_of(options, declared), progress)
-    samples = _joined(reading.samples())
+    samples = _joined(reading.samples(), reading.rows)
     regulariser = reading.regulariser
     regulariser.finish()
     notes = reading.check(samples)
@@ -139,6 +140,7 @@ class Reading:
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
         if options.preset is not None:
             options = load(options.preset).onto(options)
+        self._path = Path(path)
         self.options = options
         self.progress = progress
         self.source: Source = open_source(path, options)
@@ -158,6 +160,12 @@ class Reading:
         if self.regulariser.rate_hz is None:
             raise InputError(f"{self.source.name} holds no rows of data.")
         return self.regulariser.rate_hz
+
+    @property
+    def rows(self) -> int:
+        """How many rows to make room for: those of the whole file, about, and no more than it can have bytes for."""
+        parts = self.source.parts
+        return 0 if parts is None or not self._path.is_file() else min(parts.rows, self._path.stat().st_size)
 
     def samples(self) -> Iterator[NDArray[np.float64]]:
         """SI samples in file axes, block after block."""
@@ -195,7 +203,13 @@ class Reading:
     def check(self, samples: NDArray[np.float64]) -> tuple[Note, ...]:
         """Units and axes against Earth rate and gravity."""
         if not (self.source.ours and self.source.stated.gyro_unit == "rad/s"):
-            check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
+            try:
+                check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
+            except Misfit as misfit:
+                cure = in_place_of(self.source, self.declared, misfit.sensor, misfit.unit, misfit.increments)
+                if not misfit.sensor or not cure:
+                    raise
+                raise ask(self.source.name, self.options, [Question(str(misfit), cure, certain=False)]) from None
         return check_axes(samples, self.declared, name=self.source.name)
 
     def info(self, notes: tuple[Note, ...]) -> RecordingInfo:
@@ -259,6 +273,7 @@ class Reading:
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),
             axes="frd" if any(self.options.boresight) else self.declared.axes,
             axes_origin=self.declared.axes_origin,
+            units=self.declared.units,
         )
 
     def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
@@ -292,12 +307,12 @@ class Reading:
         return notes
 
 
-def _joined(pieces: Iterator[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """The pieces (m, k) as one array, without holding both: what they fill grows where it lies."""
-    joined, count = np.empty((0, 3)), 0
+def _joined(pieces: Iterator[NDArray[np.float64]], rows: int) -> NDArray[np.float64]:
+    """The pieces (m, k) as one array, about `rows` long, without holding both: what they fill grows where it lies."""
+    joined, count = np.empty((rows, 3)), 0
     for piece in pieces:
         if joined.shape[1] != piece.shape[1]:
-            joined = np.empty((0, piece.shape[1]))
+            joined = np.empty((rows, piece.shape[1]))
         if count + len(piece) > len(joined):
             joined.resize((max(count + len(piece), len(joined) + len(joined) // 8), piece.shape[1]), refcheck=False)
         joined[count : count + len(piece)] = piece

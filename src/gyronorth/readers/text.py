@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
-from gyronorth.readers.text_arrow import arrow_columns, is_worthwhile
+from gyronorth.readers.text_arrow import arrow_columns, is_worthwhile, load_for
 from gyronorth.readers.times import ClockColumns
 
 #: Bytes read at a time: about 15,000 rows of six values.
@@ -129,6 +129,7 @@ class Layout:
 def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[Block]:
     """Blocks of the rows behind `offset` bytes and `row` lines of the file."""
     size = path.stat().st_size if layout.end is None else layout.end
+    load_for(size - offset)
     with path.open("rb") as file:
         file.seek(offset)
         rest = b""
@@ -169,6 +170,7 @@ def _behind_last_line(data: bytes, layout: Layout) -> int:
 def text_parts(path: Path, offset: int, row: int, layout: Layout) -> Parts:
     """The same rows at places of the file; their number is estimated from the length of lines here and there."""
     size = path.stat().st_size if layout.end is None else layout.end
+    load_for(size - offset)
     length = 1 << 14
     with path.open("rb") as file:
         counted = lines = 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
@@ -21,10 +22,14 @@ _UNLIKE = (b'"', b"\r", b"\x00", b"(")
 
 
 def is_worthwhile(size: int) -> bool:
-    """Whether pyarrow is there, and loaded or worth loading for so many bytes."""
-    if "pyarrow.csv" in sys.modules:
-        return size >= WORTHWHILE
-    return size >= WORTH_LOADING and find_spec("pyarrow") is not None
+    """Whether pyarrow is loaded and faster for so many bytes."""
+    return size >= WORTHWHILE and "pyarrow.csv" in sys.modules
+
+
+def load_for(size: int) -> None:
+    """Load pyarrow where it is there, and worth its loading for a text of so many bytes."""
+    if size >= WORTH_LOADING and find_spec("pyarrow") is not None:
+        import_module("pyarrow.csv")
 
 
 def arrow_columns(

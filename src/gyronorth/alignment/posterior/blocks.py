@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gyronorth.arrays import Array, Index, Mask
+from gyronorth.arrays import Array, Index, Mask, mean_of_rows
 from gyronorth.attitude import level, mat_lb
 from gyronorth.conditioning import block_means, decimate
 
@@ -70,7 +70,7 @@ def blocks_of(
     elif accel_b is None:
         roll = pitch = np.zeros(r)
     else:
-        roll, pitch = level(accel_b.mean(axis=1))
+        roll, pitch = level(mean_of_rows(accel_b))
     turn = np.swapaxes(mat_lb(roll, pitch), -1, -2)
     size = n // COUNT
     small = max(1, round(n * r / FINE)) if accel_b is not None else 1
@@ -81,9 +81,9 @@ def blocks_of(
     trace, gravity = None, np.full(r, np.nan)
     if accel_b is not None:
         force = (block_means(accel_b, small) if small > 1 else accel_b) @ turn
-        gravity = np.linalg.norm(force.mean(axis=1), axis=-1)
+        gravity = np.linalg.norm(mean_of_rows(force), axis=-1)
         tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity[:, None, None]
-        tilt = _turned(tilt - tilt.mean(axis=1, keepdims=True), yaw)
+        tilt = _turned(tilt - mean_of_rows(tilt)[:, None], yaw)
         if attitude is None:
             rate = _linear(rate, tilt)
         angle = (np.cumsum(rate[..., :2], axis=1) - rate[..., :2] / 2) * step
@@ -149,7 +149,7 @@ def _turned(vector: Array, yaw: Array) -> Array:
 
 def _linear(rate: Array, tilt: Array) -> Array:
     """The rate without its products with the tilt (see `blocks_of`)."""
-    mean = rate.mean(axis=1, keepdims=True)
+    mean = mean_of_rows(rate)[:, None]
     x, y = tilt[..., 0], tilt[..., 1]
     out = rate.copy()
     out[..., 0] += y * mean[..., 2]

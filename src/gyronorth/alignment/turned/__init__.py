@@ -2,7 +2,3 @@
 
 `segments` finds them, `model` is the law of what they show, `fit` the estimate, `bound` what a plan can reach.
 """
-
-from gyronorth.alignment.turned.fit import TurnedFit, TurnedPose, turned
-
-__all__ = ["TurnedFit", "TurnedPose", "turned"]
