@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_augmentation import AUGMENTATION
@@ -61,12 +61,14 @@ def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
     """
     found = [study for study in STUDIES if study.benchmark == benchmark]
     if not found:
-        names = ", ".join(dict.fromkeys(study.benchmark for study in STUDIES))
-        raise InputError(f"There is no benchmark {benchmark!r} here; known are {names}.")
+        names = list(dict.fromkeys(study.benchmark for study in STUDIES))
+        hint = did_you_mean(benchmark, names)
+        raise InputError(f"There is no benchmark {benchmark!r} here; known are {', '.join(names)}.{hint}")
     unknown = [name for name in only if name not in {study.name for study in found}]
     if unknown:
-        names = ", ".join(study.name for study in found)
-        raise InputError(f"Benchmark {benchmark} has no study {unknown[0]!r}; it has {names}.")
+        names = [study.name for study in found]
+        hint = did_you_mean(unknown[0], names)
+        raise InputError(f"Benchmark {benchmark} has no study {unknown[0]!r}; it has {', '.join(names)}.{hint}")
     return [study for study in found if (study.name in only if only else not study.by_name)]
 
 
