@@ -132,7 +132,12 @@ FINDINGS: tuple[FindingInfo, ...] = (
         "the rate does not fit the latitude",
         "The rate and the vertical imply another latitude than the one given.",
     ),
-    FindingInfo("motion", "reason", "the unit moved", "The unit turned by more than the method allows."),
+    FindingInfo(
+        "motion",
+        "reason",
+        "the unit moved",
+        "The unit moved, or its bias drifts, by more than the method allows.",
+    ),
     FindingInfo("too_short", "reason", "too short", "The recording is too short for a heading."),
     FindingInfo("too_noisy", "reason", "too noisy", "The interval cannot tell north from south."),
     FindingInfo("near_pole", "reason", "too near to the pole", "The horizontal Earth rate is too small here."),

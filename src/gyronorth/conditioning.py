@@ -319,7 +319,8 @@ def _parts(x: Array) -> Iterator[tuple[Array, slice]]:
 
 def _block_of(x: Array) -> int:
     """Samples of a recording in one block of all of `x` (..., n, k)."""
-    return max(BLOCK_SAMPLES * x.shape[-2] // max(x.size // x.shape[-1], 1), 1)
+    count = x.shape[-2]
+    return min(max(BLOCK_SAMPLES * count // max(x.size // x.shape[-1], 1), 1), count)
 
 
 def _moments(x: Array, powers: int) -> Array:

@@ -335,11 +335,11 @@ def coverage(errors: TriadErrors, runs: int, n: int, rate_hz: float, *, seed: in
 
 
 def test_intervals_of_short_records_hold_the_truth():
-    # 60 records of 100 s; the long test below is the thorough one.
+    # 40 records of 100 s; the long test below is the thorough one.
     errors = TriadErrors(white=1.0, flicker=2.0)
-    for field, (_, low, high) in coverage(errors, 60, 300, 3.0, seed=15).items():
+    for field, (_, low, high) in coverage(errors, 40, 300, 3.0, seed=15).items():
         truth = getattr(errors, field)
-        assert np.mean((low <= truth) & (truth <= high)) >= at_least(0.95, 60), field
+        assert np.mean((low <= truth) & (truth <= high)) >= at_least(0.95, 40), field
 
 
 @pytest.mark.long  # its small form stands above

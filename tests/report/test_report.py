@@ -148,6 +148,11 @@ class TestNmea:
         else:
             assert (parsed["HEROT"].rot, parsed["HEROT"].valid) == ((-30.0, "A") if mode != "S" else ("", "V"))
 
+    @pytest.mark.parametrize("degrees_a_minute", [0.0, -0.0, -0.04, -1e-12])
+    def test_no_turn_has_no_sign(self, degrees_a_minute):
+        lines = nmea.running_sentences(VALID, kind="ths", mode="A", rate_of_turn=radians(degrees_a_minute / 60))
+        assert lines[1].startswith("$HEROT,0.0,A*")
+
     @pytest.mark.parametrize("kind", list(NMEA_SETS))
     @pytest.mark.parametrize("estimate", [None, REFUSED, UNKNOWN])
     def test_no_set_gives_an_invalid_heading(self, kind, estimate):

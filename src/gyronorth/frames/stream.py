@@ -349,6 +349,8 @@ class FrameStream:
     def _fields(self, frames: Frames, index: Index) -> Fields:
         """Fields of the frames `index`, which may be of several lengths and, where these are read alike, layouts."""
         assert self._layout is not None
+        if self._protocol.lines(self._layout):
+            return self._protocol.fields(frames.lines(index), self._layout)
         kinds = frames.length[index]
         if self._protocol.reads is not None:
             _, which = np.unique(frames.layout[index], return_inverse=True)

@@ -19,7 +19,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.func import jvp
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE
@@ -102,6 +101,25 @@ class Flow(nn.Module):
         h = nn.functional.silu(self.enter(h) + given)
         return self.leave(nn.functional.silu(self.middle(h)))
 
+    def with_divergence(self, z: Tensor, t: Tensor, given: Tensor) -> tuple[Tensor, Tensor]:
+        """Velocity (..., 2) and its divergence (...), by the chain rule."""
+        near, slope = z / (1 + z.abs()), (1 + z.abs()) ** -2
+        first = self.enter(torch.cat([z, near, t, t * t], dim=-1)) + given
+        second = self.middle(nn.functional.silu(first))
+        bent = nn.functional.silu(second)
+        divergence = torch.zeros(z.shape[:-1])
+        for axis in range(2):
+            moved = self.enter.weight[:, axis] + slope[..., axis, None] * self.enter.weight[:, 2 + axis]
+            moved = _silu_slope(second) * ((_silu_slope(first) * moved) @ self.middle.weight.T)
+            divergence = divergence + moved @ self.leave.weight[axis]
+        return self.leave(bent), divergence
+
+
+def _silu_slope(x: Tensor) -> Tensor:
+    """Derivative of x sigmoid(x)."""
+    rise = torch.sigmoid(x)
+    return rise * (1 + x * (1 - rise))
+
 
 @dataclass(frozen=True)
 class TrainedFlow:
@@ -138,7 +156,7 @@ class TrainedFlow:
 
 def headings() -> Array:
     """The headings, rad, at which a density is asked for: the middles of even steps around the circle."""
-    return (np.arange(HEADINGS) + 0.5) * (2 * np.pi / HEADINGS)
+    return np.asarray((np.arange(HEADINGS) + 0.5) * (2 * np.pi / HEADINGS), dtype=np.float64)
 
 
 def read_headings(log_density: Array) -> tuple[Array, Array, Array]:
@@ -169,26 +187,10 @@ def flow_log_density(flow: Flow, z: Tensor, features: Tensor) -> Tensor:
     for k in range(STEPS):
         t = 1.0 - (k + 0.5) * step
         velocity = flow(moved, torch.full((*z.shape[:-1], 1), t + 0.5 * step), given)
-        velocity, trace = _velocity(flow, moved - 0.5 * step * velocity, t, given)
+        middle, time = moved - 0.5 * step * velocity, torch.full((*z.shape[:-1], 1), t)
+        velocity, trace = flow.with_divergence(middle, time, given)
         moved, change = moved - step * velocity, change - step * trace
     return change - 0.5 * (moved**2).sum(dim=-1) - math.log(2 * math.pi)
-
-
-def _velocity(flow: Flow, z: Tensor, t: float, given: Tensor) -> tuple[Tensor, Tensor]:
-    """Velocity at z and its divergence."""
-    time = torch.full((*z.shape[:-1], 1), t)
-
-    def at(point: Tensor) -> Tensor:
-        return flow(point, time, given)
-
-    trace = torch.zeros(z.shape[:-1])
-    velocity = z
-    for axis in range(2):
-        way = torch.zeros_like(z)
-        way[..., axis] = 1.0
-        velocity, slope = jvp(at, (z,), (way,))[:2]
-        trace = trace + slope[..., axis]
-    return velocity, trace
 
 
 def train_flow(settings: FlowSettings) -> TrainedFlow:

@@ -192,7 +192,7 @@ def choose(
             titles, where = under(there, matrix, name, mark=mark), f"variable {matrix} of {name}"
         listed = list(titles)
         bare = all(title.isdigit() for title in listed)
-        by = Named() if options.columns else _by_columns(titles, look, where, bare=bare)
+        by = Named() if options.columns else _by_columns(titles, look, options, where, bare=bare)
         declared = options.columns or by.columns or None
         positions = choose_columns(len(listed) if bare else listed, declared, aliases, where, needed=options.needed)
         named = {ours: listed[positions[ours]] for ours in NAMES if ours in positions}
@@ -223,7 +223,12 @@ def _with_clock(chosen: Chosen, look: Callable[[Column], NDArray[np.float64]], o
 
 
 def _by_columns(
-    titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.float64]], where: str, *, bare: bool
+    titles: Mapping[str, Column],
+    look: Callable[[Column], NDArray[np.float64]],
+    options: ReadOptions,
+    where: str,
+    *,
+    bare: bool,
 ) -> Named:
     """The columns by the words of their titles, or by what their numbers do where they have none."""
     rows = max(column.rows for column in titles.values())
@@ -233,7 +238,7 @@ def _by_columns(
     values = [look(titles[title]) if titles[title].rows == rows else np.full(1, np.nan) for title in listed]
     layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
-        return by_titles(layout, [take_apart(re.split(r"[./]", title)[-1]) for title in listed], {}, None)
+        return by_titles(layout, [take_apart(re.split(r"[./]", title)[-1]) for title in listed], options, None)
     found = by_numbers(layout)
     if found is None:
         return _numbered(where, len(titles))

@@ -220,6 +220,8 @@ def _refined(step: NDArray[np.float64], interval: float, unit: float | None) -> 
     """An interval made better by the rows that lie on its envelope."""
     time = np.concatenate([[0.0], np.cumsum(step)])
     for turn in range(3):
+        if not 0 < interval < np.inf:
+            return _Fit(np.nan, 0, 0, np.inf, 0)
         # An interval that is a little off tilts the envelope: the first look is over few rows.
         envelope = Envelope(interval, FEWEST_ROWS if turn == 0 else _width(interval, unit))
         settled = envelope.take(time, last=True)

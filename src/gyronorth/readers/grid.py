@@ -279,7 +279,7 @@ class GridBuilder:
             )
 
     def _check_coarse(self, step: NDArray[np.float64], clock: Clock) -> None:
-        """More than pairs of rows with one stamp: the clock tells nothing of samples, and the rate by its ticks."""
+        """More than pairs of rows with one stamp: the clock tells the rate by its ticks, but no single sample."""
         if clock.unit is None or len(step) < RESTART_ROWS:
             return
         share = float(np.mean(step == 0))

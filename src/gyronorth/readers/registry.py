@@ -21,6 +21,7 @@ from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.joining import joined
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
+from gyronorth.readers.records import rewriter_of
 from gyronorth.readers.source import FORCES, TIME, Source
 from gyronorth.readers.spool import Spooled, is_stream, packed_as, piped, unpacked
 
@@ -94,6 +95,8 @@ def writer_of(suffix: str) -> Callable[[RecordingStream, Path], None] | None:
 
 #: Suffixes of pickled objects of Python, and the protocols in their second byte.
 PICKLES, PICKLE_PROTOCOLS = (".pkl", ".pickle", ".joblib"), (b"\x02", b"\x03", b"\x04", b"\x05")
+#: Suffixes under which texts are kept that may be no tables.
+TEXTS = ("", ".txt", ".log", ".csv", ".json", ".jsonl", ".ndjson", ".dat", ".tsv")
 #: Packed files within packed files.
 DEEPEST = 3
 
@@ -143,7 +146,15 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
             return _unzipped(path, None, options, depth)
         if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
             raise InputError(pickled(path.name))
+        if (rewritten := _rewriter(path, options)) is not None:
+            return _held(rewritten(path), path.name, options, depth)
     return _by_format(path, options)
+
+
+def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | None:
+    """What writes a text as a table that is none; None for all other files."""
+    text = options.format in (None, "csv") and options.protocol is None and path.suffix.lower() in TEXTS
+    return rewriter_of(_head(path, LOOK)) if text else None
 
 
 def _of_two(path: Path, options: ReadOptions) -> Source:

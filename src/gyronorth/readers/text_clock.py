@@ -13,8 +13,8 @@ from gyronorth.errors import InputError
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import TIME_UNITS
 from gyronorth.readers.source import Clock, Question
-from gyronorth.readers.times import DAY, WEEK, ClockColumns, time_text
-from gyronorth.readers.titles import Title
+from gyronorth.readers.times import DAY, WEEK, ClockColumns, is_compact, time_text
+from gyronorth.readers.titles import COUNTER_WORDS, TIME_WORDS, Title
 
 #: Sample rates, Hz, by which the unit of a time is told where no title states it; no two units share one.
 TOLD_RATES = (25.0, 5000.0)
@@ -24,6 +24,8 @@ SECONDS_RATES = (0.5, 20000.0)
 SAME_RATE = 0.05
 #: The time since 1970 in seconds, from 2001 to 2039; larger by a thousand for each smaller unit.
 EPOCH_S = (1.0e9, 2.2e9)
+#: Days since 1900 of spreadsheets, since year 0 of MATLAB, Julian days: from about 1990 to 2070.
+DAY_NUMBERS = ((32000.0, 62500.0), (726000.0, 757000.0), (2447000.0, 2478000.0))
 #: Words of a title that is seconds of the GPS week.
 OF_THE_WEEK = frozenset(("sow", "tow", "towms"))
 
@@ -61,10 +63,10 @@ def find_clock(
     part = parts[position] if parts else Title("time", ())
     if not layout.rows:
         return FoundClock(Clock(1.0, name=title), None, position, title)
-    if time_unit and part.unit and time_unit != part.unit:
+    if time_unit and part.unit and (time_unit, 1.0) != (part.unit, part.scale):
         raise InputError(f"{title} states {part.unit}; {time_unit} is declared. Leave --time-unit out, or correct it.")
-    if position in layout.texts or ":" in layout.rows[0][position]:
-        return _written(layout, position, title)
+    if position in layout.texts or ":" in layout.rows[0][position] or is_compact(layout.rows[0][position]):
+        return _written(layout, position, title, rate_hz)
     of_day = {kind: [i for i, each in enumerate(parts) if each.kind == kind] for kind in ("hour", "minute")}
     if all(len(found) == 1 for found in of_day.values()):
         hour, minute = of_day["hour"][0], of_day["minute"][0]
@@ -72,7 +74,7 @@ def find_clock(
         return FoundClock(Clock(1.0, DAY, title, known=True), columns, position, f"hours, minutes and {title}")
     partner = _partner(parts, position)
     if partner is not None and parts[partner].kind == "week":
-        unit = TIME_UNITS[time_unit or part.unit or "s"]
+        unit = TIME_UNITS[time_unit or part.unit or "s"] * part.scale
         columns = ClockColumns((partner, position), (WEEK, unit))
         return FoundClock(
             Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
@@ -87,7 +89,7 @@ def find_clock(
     unit, question, why = _unit(numbers(layout, position), time_unit, part, title, rate_hz)
     stated_unit = bool(time_unit or part.unit)
     wrap = WEEK / unit if set(part.words) & OF_THE_WEEK else None
-    name = {scale: text for text, scale in TIME_UNITS.items()}[unit]
+    name = {scale: text for text, scale in TIME_UNITS.items()}.get(unit, f"{unit:g} s")
     stated = "" if f"({name})" in title or f"[{name}]" in title else f" ({name}{why})"
     return FoundClock(Clock(unit, wrap, name=title, known=stated_unit), None, position, f"{title}{stated}", question)
 
@@ -105,6 +107,7 @@ def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:
             continue
         score = {"time": 0.0, "counter": 10.0}[part.kind] + 0.01 * position
         score += 0.0 if part.unit or text or part.words in (("time",), ("t",), ("timestamp",)) else 1.0
+        score += 5.0 if not set(part.words) & (TIME_WORDS | COUNTER_WORDS) else 0.0  # by its unit alone
         score += 2.0 if part.unit == "ns" and _partner(parts, position) is None and len(part.words) > 1 else 0.0
         if best is None or score < best[0]:
             best = (score, position)
@@ -128,7 +131,7 @@ def _runs(time: NDArray[np.float64]) -> bool:
     return len(step) == 0 or (float(np.mean(step >= 0)) > 0.8 and bool((step > 0).any()))
 
 
-def _written(layout: TextLayout, position: int, title: str) -> FoundClock:
+def _written(layout: TextLayout, position: int, title: str, rate_hz: float | None) -> FoundClock:
     """A column of dates or times of day, with a column of dates before it if there is one."""
     fields = [row[position] for row in layout.rows if row[position]][:50]
     positions = (position,)
@@ -138,7 +141,9 @@ def _written(layout: TextLayout, position: int, title: str) -> FoundClock:
         if both is not None:
             text, positions = both, (position - 1, position)
     if text is None:
-        question = Question(f"{title} is {fields[0][:40] if fields else ''!r}, which is no time.", ("--columns", "t=-"))
+        rate = () if rate_hz else ("--rate", "HZ")
+        says = f"{title} is {fields[0][:40] if fields else ''!r}, which is no time that is known here."
+        question = Question(says, ("--columns", "t=-", *rate), certain=False)
         return FoundClock(Clock(1.0, name=title), None, position, title, question)
     return FoundClock(
         Clock(1.0, text.wrap, title, known=True), ClockColumns(positions, text=text), position, f"{title} ({text.form})"
@@ -165,7 +170,7 @@ def _unit(
 ) -> tuple[float, Question | None, str]:
     """Seconds in one unit of a time, a question where that is open, and why for people."""
     if declared or part.unit:
-        return TIME_UNITS[declared or part.unit or "s"], None, ""
+        return TIME_UNITS[declared or part.unit or "s"] * part.scale, None, ""
     time = time[np.isfinite(time)]
     step = np.diff(time)
     step = step[step > 0]
@@ -177,13 +182,15 @@ def _unit(
         low, high = (bound * 1000.0**power for bound in EPOCH_S)
         if low <= float(median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
             return unit, None, f", since 1970: {time[0]:.10g}" if name != "s" else ""
+    if 1 / mean > SECONDS_RATES[1] and any(low < time[0] < high for low, high in DAY_NUMBERS):
+        return DAY, None, ", days"
     whole = bool(np.allclose(time, np.rint(time), rtol=0, atol=1e-6))
     if not whole and SECONDS_RATES[0] <= 1 / mean <= SECONDS_RATES[1]:
         return 1.0, None, ""
     by_rate = [unit for unit in TIME_UNITS.values() if rate_hz and abs(1 / (mean * unit) / rate_hz - 1) < SAME_RATE]
     if by_rate:
         return by_rate[0], None, f", {rate_hz:g} Hz"
-    if whole and np.allclose(step, 1, rtol=0, atol=1e-6):
+    if whole and np.allclose(step, 1, rtol=0, atol=1e-6) and len(step) > 0.9 * (len(time) - 1):
         says = f"{title} counts in whole numbers, each 1 more than the last: milliseconds (1000 Hz), or seconds?"
         return 1.0, Question(says, ("--time-unit", "ms"), certain=False), ""
     told = [(name, unit) for name, unit in TIME_UNITS.items() if TOLD_RATES[0] <= 1 / (mean * unit) <= TOLD_RATES[1]]

@@ -52,7 +52,7 @@ STUDIES: tuple[Study, ...] = (
 
 
 def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
-    """The studies of a benchmark, or some of them by name.
+    """The studies of a benchmark but for those that run by name only, or some by name.
 
     Raises
     ------
@@ -69,7 +69,12 @@ def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
         names = [study.name for study in found]
         hint = did_you_mean(unknown[0], names)
         raise InputError(f"Benchmark {benchmark} has no study {unknown[0]!r}; it has {', '.join(names)}.{hint}")
-    return [study for study in found if not only or study.name in only]
+    return [study for study in found if (study.name in only if only else not study.by_name)]
+
+
+def left_out(benchmark: str, only: tuple[str, ...] = ()) -> list[str]:
+    """Names of the studies that a whole benchmark leaves out for their cost."""
+    return [] if only else [study.name for study in STUDIES if study.benchmark == benchmark and study.by_name]
 
 
 def run_benchmark(
@@ -92,7 +97,7 @@ def run_benchmark(
     executor : Executor
         Who does the units.
     only : tuple of str
-        Names of studies; all by default.
+        Names of studies; by default all that do not run by name only.
     progress : callable
         Called with the study's name, the units finished and their total.
     """

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ OTHERS = 2.0
 #: Denoising for a split whose copies are mostly known from the splits before; a step of the flow; a recording judged.
 ALL_CLEANED = 0.5
 FLOW_STEP, FLOW_JUDGED = 0.1, 0.1
+#: Seconds between two lines of what remains.
+EVERY = 60.0
 #: Early stopping leaves out this share of the epochs.
 STOPPED = 0.4
 
@@ -57,6 +60,48 @@ def told(jobs: Iterable[Job], folder: Path, workers: int | None) -> str:
         f"{len(order)} units of work, {len(done)} of them done; about {_time(left)} of CPU left, {clock}. "
         "What is finished is kept."
     )
+
+
+class Remaining:
+    """How long the rest of a benchmark will take, from what its finished units took.
+
+    Parameters
+    ----------
+    studies : mapping
+        Jobs of each study by its name, in the order in which they are run.
+    folder : Path
+        Where finished units are kept; those that are there take no time.
+    clock : callable
+        Seconds of some clock.
+    """
+
+    def __init__(
+        self, studies: Mapping[str, Iterable[Job]], folder: Path, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._clock, self._start, self._told = clock, clock(), clock()
+        self._left: dict[str, float] = {}
+        self._first: dict[str, int] = {}
+        known: set[str] = set()
+        for name, jobs in studies.items():
+            order = with_needs(list(jobs))
+            known |= finished_units(order, folder)
+            self._first[name] = sum(job.name in known for job in order)
+            self._left[name] = sum(expected_seconds(job) for job in order if job.name not in known)
+            known |= {job.name for job in order}
+        self._whole = sum(self._left.values())
+
+    def line(self, study: str, finished: int, total: int) -> str | None:
+        """What to tell when so many of a study's units are finished; None within a minute of the last line."""
+        now = self._clock()
+        names = list(self._left)
+        later = sum(self._left[name] for name in names[names.index(study) + 1 :])
+        new = max(total - self._first[study], 1)
+        left = later + self._left[study] * min((total - finished) / new, 1.0)
+        if now - self._told < EVERY or self._whole - left <= 0:
+            return None
+        self._told = now
+        pace = (now - self._start) / (self._whole - left)
+        return f"{study}: {finished} of {total} units; about {_time(left * pace)} left for all."
 
 
 def _time(seconds: float) -> str:

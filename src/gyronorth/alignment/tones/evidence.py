@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
+from gyronorth.alignment.tones.unexplained import STILL, Motion
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array, Mask
+from gyronorth.arrays import Array, Index, Mask
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
@@ -45,10 +46,6 @@ WALK, WALK_RATE, WALK_MODES = 0.02, 3 * DEG_PER_HOUR, 6
 #: Samples by which the noise law is worked out.
 BLOCK = 300
 TILTS = len(TILT_BINS) - 1
-
-#: The entries of the symmetric 4 x 4 matrix of the constant and the three axes that are needed:
-#: the information, three products with it, three squares.
-_FIRST, _SECOND = np.array([0, 0, 0, 0, 1, 2, 3]), np.array([0, 1, 2, 3, 1, 2, 3])
 
 
 def grid_frequencies(samples: int, rate_hz: float) -> Array:
@@ -93,6 +90,12 @@ class ToneLaw:
         """Columns (n, m) in units of the noise, and without its correlation."""
         return self.whiten[:, None] * columns if self.whiten.ndim == 1 else self.whiten @ columns
 
+    def coloured(self, columns: Array) -> Array:
+        """The inverse of `whitened`."""
+        if self.whiten.ndim == 1:
+            return columns / self.whiten[:, None]
+        return np.asarray(np.linalg.solve(self.whiten, columns), dtype=float)
+
     def tones(self, frequency: Array) -> Array:
         """Cosines, then sines, (n, 2 f), whitened, in units of their prior deviation."""
         phase = 2 * np.pi * self.time[:, None] * frequency
@@ -100,7 +103,7 @@ class ToneLaw:
 
 
 @lru_cache(maxsize=16)
-def _whitener(blocks: int, rate_hz: float, errors: TriadErrors) -> Array:
+def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: Motion) -> Array:
     """What whitens the first `blocks` times 300 samples: a matrix, or its diagonal for white noise alone.
 
     Of fewer samples it is the first rows and columns: what comes later does not change their covariance, so that a
@@ -108,15 +111,17 @@ def _whitener(blocks: int, rate_hz: float, errors: TriadErrors) -> Array:
     """
     edges = np.arange(BLOCK * blocks + 1)
     covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
+    if motion.angle > 0:
+        covariance = covariance + motion.covariance(BLOCK * blocks, rate_hz)
     if np.count_nonzero(covariance) == BLOCK * blocks:
         return np.asarray(1 / np.sqrt(np.diag(covariance)), dtype=float)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
 
 
 @lru_cache(maxsize=16)
-def law(samples: int, rate_hz: float, errors: TriadErrors) -> ToneLaw:
-    """The law for recordings of one length of one sensor."""
-    whiten = _whitener(-(-samples // BLOCK), rate_hz, errors)
+def law(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> ToneLaw:
+    """The law for recordings of one length of one sensor, whose platform may move."""
+    whiten = _whitener(-(-samples // BLOCK), rate_hz, errors, motion)
     whiten = whiten[:samples] if whiten.ndim == 1 else whiten[:samples, :samples]
     time = (np.arange(samples) + 0.5) / rate_hz
     frequency = grid_frequencies(samples, rate_hz)
@@ -210,62 +215,86 @@ def evidence(law: ToneLaw, seen: Columns, log_prior: Array, *, scale: float = 1.
 
     Unknowns are eliminated one after the other, slow change, tone, tone, by Schur complements.
     """
-    f, slow = len(log_prior), slice(4, 4 + len(law.share))
-    gram, cross = seen.tone.T @ seen.tone / scale**2, seen.tone.T @ seen.known / scale**2
+    f, k = len(log_prior), len(law.share)
     inner = seen.known.T @ seen.known / scale**2
-    # Columns of the slow change, made orthonormal: through to the tones (s, 2 f, modes), into the rest (s, 4, modes).
-    count = 2 + len(law.share)
-    through, into = np.zeros((count, 2 * f, WALK_MODES)), np.zeros((count, 4, WALK_MODES))
-    log_pivot = np.zeros((count, 1))
-    pivot = np.diag(inner)[slow] + 1
-    through[1:-1, :, 0] = (cross[:, slow] / np.sqrt(pivot)).T
-    into[1:-1, :, 0] = inner[slow, :4] / np.sqrt(pivot)[:, None]
-    log_pivot[1:-1, 0] = np.log(pivot)
-    walk = slice(slow.stop, None)
+    gram, cross = seen.tone.T @ seen.tone / scale**2, seen.tone.T @ seen.known / scale**2
+    # Slow change is the last axis: no change, k exponentials, a walk. Its columns are made orthonormal.
+    exponential, walk = slice(4, 4 + k), slice(4 + k, None)
+    pivot = np.diag(inner)[exponential] + 1
+    into, through = inner[:4, exponential] / np.sqrt(pivot), cross[:, exponential] / np.sqrt(pivot)
     lower = np.linalg.cholesky(inner[walk, walk] + np.eye(WALK_MODES))
     inverse = np.linalg.inv(lower).T
-    through[-1], into[-1] = cross[:, walk] @ inverse, inner[:4, walk] @ inverse
-    log_pivot[-1] = 2 * np.sum(np.log(np.diag(lower)))
-    gram = gram - through @ through.transpose(0, 2, 1)  # (s, 2 f, 2 f)
-    rest = inner[_FIRST, _SECOND] - np.sum(into[:, _FIRST] * into[:, _SECOND], axis=2)  # (s, 7)
-    p = cross[:, :4].T - into @ through.transpose(0, 2, 1)  # (s, 4, 2 f)
+    into_walk, through_walk = inner[:4, walk] @ inverse, cross[:, walk] @ inverse
+    log_pivot = np.concatenate([[0.0], np.log(pivot), [2 * np.sum(np.log(np.diag(lower)))]])
+    walked = gram - through_walk @ through_walk.T
+
+    def of_tones(rows: Index, columns: Index) -> Array:
+        """Entries (m, s) of the matrix of the tones, whose slow change is eliminated."""
+        whole = np.empty((len(rows), k + 2))
+        whole[:, 0], whole[:, -1] = gram[rows, columns], walked[rows, columns]
+        np.multiply(through[rows], through[columns], out=whole[:, 1:-1])
+        np.subtract(whole[:, :1], whole[:, 1:-1], out=whole[:, 1:-1])
+        return whole
+
+    constant = np.concatenate([inner[:4, :4, None], inner[:4, :4, None] - into[:, None] * into,
+                               (inner[:4, :4] - into_walk @ into_walk.T)[..., None]], axis=2)  # fmt: skip
+    rest = _entries(constant[0], np.trace(constant[1:, 1:]))  # (5, s)
+    p = np.concatenate([cross[:, :4].T[..., None], cross[:, :4].T[..., None] - into[:, None] * through,
+                        (cross[:, :4].T - into_walk @ through_walk.T)[..., None]], axis=2)  # (4, 2 f, s)  # fmt: skip
     # Cosine and sine of a frequency, orthonormalised by the Cholesky factor of their 2 x 2 block.
     own = np.arange(f)
-    a, b, d = gram[:, own, own] + 1, gram[:, own, own + f], gram[:, own + f, own + f] + 1
+    a, b, d = of_tones(own, own) + 1, of_tones(own, own + f), of_tones(own + f, own + f) + 1
     l0 = np.sqrt(a)
     l10 = b / l0
     l1 = np.sqrt(d - l10 * l10)
-    q0 = p[:, :, :f] / l0[:, None]
-    q1 = (p[:, :, f:] - l10[:, None] * q0) / l1[:, None]
+    q0 = p[:, :f] / l0
+    q1 = (p[:, f:] - l10 * q0) / l1
     log_det_one = 2 * np.log(l0 * l1)
-    single = rest[:, :, None] - q0[:, _FIRST] * q0[:, _SECOND] - q1[:, _FIRST] * q1[:, _SECOND]
+    single = rest[:, None] - _squares(q0) - _squares(q1)  # (5, f, s)
     # Off-diagonal blocks in the same orthonormal coordinates: m = L_i^-1 G_ij L_j^-T.
-    i, j = np.triu_indices(f, 1)
-    g = [[gram[:, r * f + i, c * f + j] for c in (0, 1)] for r in (0, 1)]
-    i0, i10, i1, j0, j10, j1 = l0[:, i], l10[:, i], l1[:, i], l0[:, j], l10[:, j], l1[:, j]
-    t00, t01 = g[0][0] / i0, g[0][1] / i0
-    t10, t11 = (g[1][0] - i10 * t00) / i1, (g[1][1] - i10 * t01) / i1
-    m00, m10 = t00 / j0, t10 / j0
-    m01, m11 = (t01 - m00 * j10) / j1, (t11 - m10 * j10) / j1
+    i, j = _pairs(f)
+    i0, i10, i1, j0, j10, j1 = l0[i], l10[i], l1[i], l0[j], l10[j], l1[j]
+    m00, m01 = of_tones(i, j) / i0, of_tones(i, f + j) / i0
+    m10, m11 = (of_tones(f + i, j) - i10 * m00) / i1, (of_tones(f + i, f + j) - i10 * m01) / i1
+    m00, m10 = m00 / j0, m10 / j0
+    m01, m11 = (m01 - m00 * j10) / j1, (m11 - m10 * j10) / j1
     s00, s01, s11 = 1 - m00 * m00 - m10 * m10, -m00 * m01 - m10 * m11, 1 - m01 * m01 - m11 * m11
     det = s00 * s11 - s01 * s01
-    r0 = q0[:, :, j] - m00[:, None] * q0[:, :, i] - m10[:, None] * q1[:, :, i]
-    r1 = q1[:, :, j] - m01[:, None] * q0[:, :, i] - m11[:, None] * q1[:, :, i]
-    k0 = np.sqrt(s11 / det)[:, None] * (r0 - (s01 / s11)[:, None] * r1)
-    k1 = r1 / np.sqrt(s11)[:, None]
-    double = single[:, :, i] - k0[:, _FIRST] * k0[:, _SECOND] - k1[:, _FIRST] * k1[:, _SECOND]
+    q0_i, q1_i, k0, k1 = q0.take(i, axis=1), q1.take(i, axis=1), q0.take(j, axis=1), q1.take(j, axis=1)
+    k0 -= m00 * q0_i + m10 * q1_i
+    k1 -= m01 * q0_i + m11 * q1_i
+    k0 -= s01 / s11 * k1
+    k0 *= np.sqrt(s11 / det)
+    k1 *= 1 / np.sqrt(s11)
+    double = single.take(i, axis=1)
+    double -= _squares(k0)
+    double -= _squares(k1)
 
-    total = np.concatenate([rest[:, :, None], single, double], axis=2)
-    log_det = log_pivot + np.concatenate(
-        [0 * log_pivot, log_det_one, log_det_one[:, i] + log_det_one[:, j] + np.log(det)], axis=1
-    )
-    kinds = log_kinds(law.share, bumped=seen.bumped)
-    prior = np.concatenate(
-        [kinds[:, :1], kinds[:, 1:2] + log_prior, kinds[:, 2:] + np.log(2) + log_prior[i] + log_prior[j]], axis=1
-    )
-    information, product = total[:, 0], np.moveaxis(total[:, 1:4], 1, 0)
-    residual = total[:, 4:].sum(axis=1) - (product**2).sum(axis=0) / information
-    log_weight = prior - 1.5 * log_det - 0.5 * residual
+    total = np.concatenate([rest[:, None], single, double], axis=1)
+    log_det = np.concatenate([np.zeros((1, k + 2)), log_det_one, log_det_one[i] + log_det_one[j] + np.log(det)])
+    kinds = log_kinds(law.share, bumped=seen.bumped).T
+    log_weight = np.concatenate([kinds[:1], kinds[1:2] + log_prior[:, None],
+                                 kinds[2:] + (np.log(2) + log_prior[i] + log_prior[j])[:, None]])  # fmt: skip
+    information, product, square = total[0], total[1:4], total[4]
+    rate = product / information
+    log_weight -= 1.5 * (log_pivot + log_det) + 0.5 * (square - np.einsum("c...,c...->...", product, rate))
     first = np.concatenate([[-1], own, i])
     second = np.concatenate([np.full(1 + f, -1), j])
-    return Evidence(log_weight, information, product / information, first, second)
+    return Evidence(log_weight.T, information.T, np.swapaxes(rate, 1, 2), first, second)
+
+
+@lru_cache(maxsize=64)
+def _pairs(count: int) -> tuple[Index, Index]:
+    """Numbers of the first and of the second of every two of `count`."""
+    first, second = np.triu_indices(count, 1)
+    return first, second
+
+
+def _entries(first: Array, squares: Array) -> Array:
+    """What is needed of a symmetric 4 x 4 matrix (5, ...): its first row, and the sum of the others' own entries."""
+    return np.concatenate([first, squares[None]])
+
+
+def _squares(x: Array) -> Array:
+    """The same of the product of `x` (4, ...) with itself."""
+    return _entries(x[0] * x, np.einsum("c...,c...->...", x[1:], x[1:]))

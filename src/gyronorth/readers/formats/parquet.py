@@ -95,7 +95,7 @@ def _by_titles(path: Path, schema: Any, options: ReadOptions) -> tuple[Chosen, T
         ]
     first = first_rows(tuple(schema.names), values)
     parts = [take_apart(title) for title in schema.names]
-    return by_titles(first, parts, dict(options.columns or {}), None), first
+    return by_titles(first, parts, options, None), first
 
 
 def _clock(
