@@ -87,12 +87,13 @@ BEYOND = """() => {
 CUT_IN_PRINT = """() => {
   const width = document.documentElement.clientWidth;
   const shown = e => e.getBoundingClientRect().width && !e.closest("annotation, .md-clipboard");
-  const scrolls = e => !["visible", "clip"].includes(getComputedStyle(e).overflowX) && e.scrollWidth > e.clientWidth + 1;
+  const scrolls = e => !["visible", "clip"].includes(getComputedStyle(e).overflowX)
+    && e.scrollWidth > e.clientWidth + 1;
   return [...document.querySelectorAll("article *")].filter(
     e => shown(e) && (scrolls(e) || e.getBoundingClientRect().right > width + 1)).map(e => e.textContent.slice(0, 40));
 }"""
-#: Width of the text on A4 with the margins of a browser, px.
-PAPER = 718
+#: Width of the text on A4 with the margins of docs/stylesheets/pages.css, px.
+PAPER = 680
 #: Nobody scrolls further: a phone's screen is 844 px high.
 LONGEST = 40_000
 
