@@ -15,8 +15,8 @@ from frames.encoders import CASES
 
 #: Ten seconds at 1 kHz.
 FRAMES, SECONDS = 10_000, 10.0
-#: Decoding is to be this many times as fast as real time; lines of text, which come at 400 Hz at most, 40 times.
-REAL_TIME, TEXT_REAL_TIME = 100.0, 40.0
+#: Decoding is to be this many times as fast as real time; lines of text, which come at 400 Hz at most, 60 times.
+REAL_TIME, TEXT_REAL_TIME = 100.0, 60.0
 
 
 def comparisons() -> Iterable[Comparison]:

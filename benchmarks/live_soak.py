@@ -17,11 +17,12 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from math import degrees, radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,6 +37,10 @@ NOISE = (b"", b"\xff\xfe\x00\x81", b"12.5,nan,0,0,0,0,0", b"1,2,3", b"t,w_x,,", 
 NOISE += (b"# rate_hz: 6\x00", b"# rate_hz: 700", b"#")
 STEP = 0.02  # s between two pieces of the stream
 SETTLED = 60.0  # s of the stream after which memory is to be flat
+#: s without any change, after which what is waited for is given up: a loaded machine is slow, but goes on.
+PATIENCE = 120.0
+#: Rows at the end that `live` may hold back until it is ended: one that follows a lost one waits for the next.
+HELD = 3
 
 
 @dataclass
@@ -46,6 +51,7 @@ class Sent:
     all: threading.Event = field(default_factory=threading.Event)
     lost: int = 0
     garbage: int = 0
+    broken: str = ""  # why it went no further
 
 
 def lines(minutes: float) -> list[bytes]:
@@ -78,6 +84,16 @@ def spoiled(rows: list[bytes], sent: Sent) -> Iterator[bytes]:
 
 
 def play(server: socket.socket, rows: list[bytes], sent: Sent, over: threading.Event, *, speed: float) -> None:
+    """Send all rows in time; what the other side does to the connection ends it."""
+    try:
+        _play(server, rows, sent, over, speed=speed)
+    except OSError as error:
+        sent.broken = str(error)
+    finally:
+        sent.all.set()
+
+
+def _play(server: socket.socket, rows: list[bytes], sent: Sent, over: threading.Event, *, speed: float) -> None:
     """Send all rows in time, over four connections; each that breaks does so within a line, the last stays."""
     stream, number, size = spoiled(rows, sent), 0, max(1, round(STEP * speed * RATE_HZ))
     for part in np.array_split(np.arange(len(rows)), 4):
@@ -111,10 +127,11 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def soak(folder: Path, *, minutes: float, speed: float) -> dict[str, float | int | bool]:
+def soak(folder: Path, *, minutes: float, speed: float) -> dict[str, Any]:
     """Play the stream to `gyronorth live` and compare."""
     rows, sent, saved = lines(minutes), Sent(), folder / "rec.csv"
     server = socket.create_server(("127.0.0.1", 0))
+    server.settimeout(PATIENCE)
     source = f"tcp:127.0.0.1:{server.getsockname()[1]}"
     command = [sys.executable, "-m", "gyronorth.cli", "live", source, "--latitude", repr(degrees(LATITUDE))]
     command += [
@@ -140,25 +157,44 @@ def soak(folder: Path, *, minutes: float, speed: float) -> dict[str, float | int
     reader.start()
     watcher.start()
     player.start()
-    while not (answers and answers[-1]["live"]["good"]):
-        assert process.poll() is None, process.communicate()[1]
-        time.sleep(0.05)
-    begun, used = time.monotonic(), cpu_seconds(process.pid)
-    sent.all.wait()
-    share = (cpu_seconds(process.pid) - used) / (time.monotonic() - begun)
-    patience = time.monotonic() + 20
-    while time.monotonic() < patience and answers[-1]["live"]["good"] < len(sent.good):
-        time.sleep(0.2)
-    over.set()
+    try:
+        _wait(process, lambda: len(answers) > 0 and _good(answers) > 0, lambda: len(answers))
+        begun, used = time.monotonic(), cpu_seconds(process.pid)
+        _wait(process, sent.all.is_set, lambda: len(sent.good))
+        assert not sent.broken, sent.broken
+        share = (cpu_seconds(process.pid) - used) / (time.monotonic() - begun)
+        _wait(process, lambda: _good(answers) >= len(sent.good) - HELD, lambda: _good(answers))
+    except BaseException:
+        process.kill()
+        raise
+    finally:
+        over.set()
+        server.close()
     watcher.join()
     process.send_signal(signal.SIGINT)
-    process.wait(timeout=30)
+    process.wait(timeout=PATIENCE)
     reader.join()
     player.join()
-    server.close()
     print([(round(a - begun), round(b)) for a, b in memory[::4] if a > begun], file=sys.stderr)
     valid = process.returncode == 0  # the command's verdict on the last heading that was measured
     return _figures(answers[-1], sent, saved, memory, valid=valid, share=share, settled=begun + SETTLED / speed)
+
+
+def _good(answers: list[dict]) -> int:
+    return answers[-1]["live"]["good"]
+
+
+def _wait(process: subprocess.Popen[str], done: Callable[[], bool], progress: Callable[[], int]) -> None:
+    """Until `done`, as long as the process runs and `progress` changes within `PATIENCE`."""
+    seen, since = progress(), time.monotonic()
+    while not done():
+        assert process.poll() is None, (
+            f"live ended with {process.returncode}: {process.stderr and process.stderr.read()}"
+        )
+        if (now := progress()) != seen:
+            seen, since = now, time.monotonic()
+        assert time.monotonic() - since < PATIENCE, f"nothing has changed for {PATIENCE:g} s"
+        time.sleep(0.05)
 
 
 def _figures(
@@ -170,7 +206,7 @@ def _figures(
     valid: bool,
     share: float,
     settled: float,
-) -> dict[str, float | int | bool]:
+) -> dict[str, Any]:
     kept = [line for line in saved.read_bytes().split(b"\n") if line and line[:1] not in b"#t"]
     offline = heading(read(saved), sensor=SENSOR, method="mean")
     assert offline.heading is not None

@@ -1,4 +1,4 @@
-"""When waiting stops helping: the expected sigma against time for three grades of sensor."""
+"""When sigma levels off: the expected sigma against time for three grades of sensor."""
 
 from __future__ import annotations
 
@@ -15,6 +15,6 @@ for name in ("sdc500", "isa100c", "hg9900"):
         shares = ", ".join(f"{part} {degrees(sigma[i]):.3f}" for part, sigma in planned.parts.items())
         print(f"  {duration:5.0f} s: sigma {degrees(planned.sigma[i]):.3f} deg ({shares})")
     if planned.useful_duration is None:
-        print("  waiting helps for more than half a day")
+        print("  sigma falls for more than half a day")
     else:
-        print(f"  waiting longer than {planned.useful_duration:.0f} s is useless")
+        print(f"  sigma levels off after {planned.useful_duration:.0f} s")

@@ -70,14 +70,14 @@ def commit() -> str:
 
 def build() -> str:
     """Wheels and sdist of the commit, built twice from two folders: the same bytes."""
-    epoch = run("git", "-C", ROOT, "log", "-1", "--format=%ct").strip()
+    head, epoch = run("git", "-C", ROOT, "log", "-1", "--format=%H %ct").split()
     sums = []
     for number in (1, 2):
         source, dist = OUT / f"source{number}", OUT / f"dist{number}"
         for folder in (source, dist):
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
-        run("bash", "-c", f"git -C '{ROOT}' archive HEAD | tar -x -C '{source}'")
+        run("bash", "-c", f"git -C '{ROOT}' archive {head} | tar -x -C '{source}'")
         command = (sys.executable, "-m", "build", "--no-isolation", "--outdir", dist)
         run(*command, source, SOURCE_DATE_EPOCH=epoch)
         run(*command, "--wheel", source / "packaging" / "bundles", SOURCE_DATE_EPOCH=epoch)
@@ -93,7 +93,8 @@ def build() -> str:
 
 def check() -> str:
     """`twine check --strict`, check-wheel-contents, and no relative link in the long description."""
-    built = [path for path in sorted(DIST.iterdir()) if path.name != "SHA256SUMS"]
+    built = sorted(DIST.glob("gyronorth*"))
+    assert built, "nothing is built; run the step build first"
     run(sys.executable, "-m", "twine", "check", "--strict", *built)
     run(tool("check-wheel-contents"), wheel())
     run(tool("check-wheel-contents"), "--toplevel", "gyronorth_bundles", bundles())
@@ -127,6 +128,7 @@ def cures() -> str:
     """What the small installation leaves out is said with its cure, and the cure works."""
     environment = OUT / "venv3.11"
     gyronorth = environment / "bin" / "gyronorth"
+    assert gyronorth.exists(), "nothing is installed; run the step pythons first"
     report = (gyronorth, *DEMO, "--report", OUT / "demo.html")
     paper = (gyronorth, *DEMO, "--method", "paper", "--window", "0:100")
     for command, extra in ((report, "gyronorth[report]"), (paper, "gyronorth[bundles,learned]")):
@@ -169,12 +171,19 @@ def megabytes(folder: Path) -> int:
 
 def wheel() -> Path:
     """The core's wheel."""
-    return next(DIST.glob("gyronorth-*.whl"))
+    return built_wheel("gyronorth")
 
 
 def bundles() -> Path:
     """The wheel of the trained bundles."""
-    return next(DIST.glob("gyronorth_bundles-*.whl"))
+    return built_wheel("gyronorth_bundles")
+
+
+def built_wheel(name: str) -> Path:
+    """A wheel that the step `build` made."""
+    found = next(DIST.glob(f"{name}-*.whl"), None)
+    assert found, "nothing is built; run the step build first"
+    return found
 
 
 def tool(name: str) -> Path:
@@ -201,6 +210,11 @@ STEPS: dict[str, Callable[[], str]] = {
 
 def main(names: list[str]) -> int:
     """Run the steps in order; a later one uses what an earlier one built."""
+    unknown = [name for name in names if name not in STEPS]
+    if unknown:
+        asked = {"-h", "--help"}.intersection(unknown)
+        print(__doc__ if asked else f"No step {', '.join(unknown)}.", f"Steps: {', '.join(STEPS)}", sep="\n")
+        return 0 if asked else 2
     OUT.mkdir(parents=True, exist_ok=True)
     failed = False
     for name in names or STEPS:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import os
+from collections.abc import Iterator
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import hypothesis
@@ -25,10 +29,38 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("gyronorth")
 
 
+# Everything that is loaded while tests are collected stays to the end: nothing to look for in it, then or later.
+gc.disable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop() -> None:
+    """Set what the collection has loaded aside from the searches for garbage."""
+    gc.collect()
+    gc.freeze()
+    gc.enable()
+
+
 def pytest_itemcollected(item: pytest.Item) -> None:
     """What is long is slow too: `-m "not slow"` leaves out both."""
     if item.get_closest_marker("long"):
         item.add_marker("slow")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_command_line() -> Iterator[None]:
+    """The commands with all their options are put together once, not anew at each call of a test."""
+    from typer.main import get_command
+
+    from gyronorth.cli.tasks import MODULES
+
+    for module in MODULES:  # a command is loaded when it is called; what is put together has all
+        import_module(f"gyronorth.cli.{module}")
+    with pytest.MonkeyPatch.context() as patch:
+        once = cache(get_command)
+        patch.setattr("typer.main.get_command", once)
+        patch.setattr("typer.testing._get_command", once)
+        yield
 
 
 @pytest.fixture(scope="session")

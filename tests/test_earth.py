@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis.strategies import floats
 from numpy.testing import assert_allclose
-from pyins import earth as pyins_earth
 
 from gyronorth.earth import (
     EARTH_RATE,
@@ -55,6 +54,8 @@ def test_normal_gravity_of_the_standard(latitude, gravity):
 
 @given(floats(-90, 90), floats(0, 5000))
 def test_gravity_agrees_with_pyins(latitude, height):
+    from pyins import earth as pyins_earth
+
     # pyins continues it with 1 - 2 h / a alone: it leaves out 2 (f + m) h / a and 3 (h / a)^2.
     ours = normal_gravity(np.radians(latitude), height)
     left_out = 9.84 * (

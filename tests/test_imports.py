@@ -47,7 +47,7 @@ def test_start_up_loads_nothing_heavy(code):
 
 
 def test_the_probe_sees_a_heavy_import():
-    assert "scipy" in loaded_by("import scipy.stats")
+    assert "scipy" in loaded_by("import scipy.linalg")
 
 
 def test_every_public_name_resolves_and_none_is_a_submodule():
@@ -99,12 +99,13 @@ def test_sizes():
     beyond = []
     for path in SOURCES:
         text, where = path.read_text(), path.relative_to(ROOT)
-        reasoned = LONG in (ast.get_docstring(ast.parse(text)) or "")
+        tree = ast.parse(text)
+        reasoned = LONG in (ast.get_docstring(tree) or "")
         if (lines := len(text.splitlines())) > FILE_LIMIT and not reasoned:
             beyond.append(f"{where} has {lines} lines")
         if path.parent.name == "cli":  # a command of the command line has one parameter for each option
             continue
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
                 arguments = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
                 count = len({argument.arg for argument in arguments} - {"self", "cls"})

@@ -1,4 +1,4 @@
-"""Planning: expected sigma against time, and when waiting stops to help."""
+"""Planning: expected sigma against time, and when it levels off."""
 
 from __future__ import annotations
 

@@ -73,10 +73,12 @@ def mat_bn(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
 
 def cross_matrix(vector: ArrayLike) -> Array:
     """[v x], shape (..., 3, 3): cross_matrix(v) @ u = v x u."""
-    x, y, z = np.moveaxis(np.asarray(vector, dtype=float), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    vector = np.asarray(vector, dtype=float)
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    out = np.zeros((*vector.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out
 
 
 def rotation(vector: ArrayLike) -> Array:

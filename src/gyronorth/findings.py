@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from math import isfinite
 from typing import Any
 
 
@@ -17,8 +18,8 @@ class Finding:
     blocking: bool = False  # a heading must not be called valid before a declaration has settled this
 
     def to_json(self) -> dict[str, Any]:
-        """The object of the JSON lists `reasons` and `warnings`."""
-        return {"code": self.code, "message": self.message, "value": self.value, "limit": self.limit}
+        """The object of the JSON lists `reasons` and `warnings`; a number that JSON cannot hold is null there."""
+        return {"code": self.code, "message": self.message, "value": _held(self.value), "limit": _held(self.limit)}
 
 
 @dataclass(frozen=True)
@@ -34,5 +35,9 @@ class Check:
     passed: bool
 
     def to_json(self) -> dict[str, Any]:
-        """The object of `explain --json`."""
-        return asdict(self)
+        """The object of `explain --json`; a number that JSON cannot hold is null there."""
+        return asdict(self) | {"value": _held(self.value), "limit": _held(self.limit)}
+
+
+def _held(number: float | None) -> float | None:
+    return number if number is None or isfinite(number) else None

@@ -93,9 +93,9 @@ def heading(
     if poses is None:
         recording, segments = _as_recording(recording, rate_hz, accel_b), None  # type: ignore[arg-type]
     else:
-        from gyronorth.alignment.turned.joined import joined
+        from gyronorth.alignment.turned.joined import one_recording
 
-        recording, segments = joined(poses, turn_angles)
+        recording, segments = one_recording(poses, turn_angles)
     problem = Problem(
         recording.gyro_b,
         recording.accel_b,

@@ -61,6 +61,7 @@ class Recording:
     read_as: str = ""  # what each column of the file was taken for, for people
     axes: str = "frd"  # where x, y, z of the file point, three letters
     axes_origin: AxesOrigin = "stated"  # how that is known; the samples are in body axes if it is right
+    units: str = ""  # units of the file, of rate and specific force, for people
 
     def __post_init__(self) -> None:
         for name in ("gyro_b", "accel_b"):

@@ -207,7 +207,7 @@ class StreamingHeading:
         if store.size > 1 and store.rate_hz < 0.99 / CHUNK:
             message = (
                 f"After {self.duration / 3600:.1f} h samples are kept as means over {1 / store.rate_hz:.1f} s: "
-                "shorter motion is averaged out, shorter poses are lost. Restart to begin anew."
+                "shorter motion is averaged out, shorter poses are lost. Restart before a new set of poses."
             )
             found.append(Finding("older_merged", message, 1 / store.rate_hz, CHUNK))
         dropped = store.dropped / self.rate_hz + store.duration - used

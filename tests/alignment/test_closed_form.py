@@ -1,6 +1,5 @@
 """Closed form and inertial frame: by hand, as properties, and beside other packages."""
 
-import ahrs
 import numpy as np
 import pytest
 from hypothesis import given
@@ -63,6 +62,8 @@ def test_noise_free_inertial_frame_returns_its_attitude(heading, roll, pitch, la
 
 
 def test_heading_is_that_of_triad_in_ahrs():
+    import ahrs
+
     # ahrs returns the transpose of what its documentation says (PEERS): rows are the n axes in b.
     rng = np.random.default_rng(2)
     for _ in range(20):

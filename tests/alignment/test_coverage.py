@@ -39,7 +39,7 @@ def rms(error):
     return np.sqrt(np.mean(error**2))
 
 
-@pytest.mark.parametrize("runs", [4000, pytest.param(20_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("runs", [1500, pytest.param(20_000, marks=pytest.mark.long)])
 @pytest.mark.parametrize("latitude_deg", [32.11, -60.0])
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0, 0), (20, -35)])
 def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg, runs):
@@ -60,7 +60,7 @@ def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg, runs)
     ("method", "count"),
     [
         ("mean", 1000),
-        ("auto", 100),
+        ("auto", 50),
         ("inertial", 1000),
         *(pytest.param(method, 5000, marks=pytest.mark.long) for method in ("mean", "auto", "inertial")),
     ],
@@ -68,17 +68,17 @@ def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg, runs)
 def test_sdc500_interval_covers_and_refuses_few(method, count):
     truth, gyro, accel = simulated("sdc500", count, seed=2)
     batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor="sdc500", method=method)
-    # 95 % of 100 runs is known to 2.2 %, of 5000 to 0.3 %.
+    # 95 % of 50 runs is known to 3.1 %, of 5000 to 0.3 %.
     assert abs(covered(batch, truth) - 0.95) <= max(0.02, 3.3 * np.sqrt(0.95 * 0.05 / count))
     assert np.mean(~batch.valid) <= 0.01
     # chi-square, 99.9 %: within 3.3 % over 5000 runs; sigma is conditional on the norm, hence a little more.
     within = 0.04 * np.sqrt(5000 / count)
-    least = 1 - within if method != "auto" else 0.75  # auto allows for a unit beyond its profile
+    least = 1 - within if method != "auto" else 0.79 - within  # auto allows for a unit beyond its profile
     assert least <= rms(angle_error(batch.heading, truth)) / rms(batch.sigma) <= 1 + within
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("runs", [20, pytest.param(3000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("runs", [12, pytest.param(3000, marks=pytest.mark.long)])
 def test_auto_costs_nothing_on_quiet_recordings(runs):
     truth, gyro, accel = simulated("sdc500", runs, seed=3)
     for sensor in ("sdc500", None):
@@ -95,7 +95,7 @@ def test_interval_covers_flicker_made_another_way(method):
     constant = Sensor(
         "constant", TriadErrors(white=sensor.gyro.white, turn_on_bias=sensor.gyro.turn_on_bias), sensor.accel
     )
-    truth, gyro, accel = simulated(constant, 2000, seed=4)
+    truth, gyro, accel = simulated(constant, 1500, seed=4)
     rng = np.random.default_rng(5)
     gyro = gyro + flicker_fft(sensor.gyro.flicker, gyro.shape[:2], RATE_HZ, rng=rng)
     batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor="sdc500", method=method)
@@ -108,16 +108,16 @@ def test_interval_covers_flicker_made_another_way(method):
 )
 def test_interval_without_a_profile_covers(bias_deg_h):
     sensor = Sensor("biased", TriadErrors(white=WHITE.gyro.white, turn_on_bias=bias_deg_h * DEG_PER_HOUR))
-    truth, gyro, accel = simulated(sensor, 4000, seed=6)
+    truth, gyro, accel = simulated(sensor, 1500, seed=6)
     for force in (accel, None):
         batch = heading_batch(gyro, force, rate_hz=RATE_HZ, latitude=LATITUDE)
         assert 0.93 <= covered(batch, truth) <= 0.97
 
 
 def sways():
-    """Each sensor and amplitude over 600 runs; the largest, where the methods differ, over 20 in every `make test`."""
+    """Each sensor and amplitude over 600 runs; the largest, where the methods differ, over 12 in every `make test`."""
     for name in ("sdc500", "hg9900"):
-        yield pytest.param(name, 300, 20, id=f"{name}-300-20")
+        yield pytest.param(name, 300, 12, id=f"{name}-300-12")
         for arcsec in (5, 30, 300):
             yield pytest.param(name, arcsec, 600, id=f"{name}-{arcsec}-600", marks=pytest.mark.long)
 
@@ -135,7 +135,7 @@ def test_sway_is_in_sigma(name, arcsec, count):
     for method in ("mean", "auto"):
         batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor=name, method=method)
         errors[method] = rms(angle_error(batch.heading, truth))
-        # 95 % of 600 runs is known to 0.9 %, of 20 to 4.9 %; sway is no Gaussian, and tilts as seen are not exact.
+        # 95 % of 600 runs is known to 0.9 %, of 12 to 6.3 %; sway is no Gaussian, and tilts as seen are not exact.
         assert covered(batch, truth) > 0.95 - 4.5 * np.sqrt(0.95 * 0.05 / count)
         assert np.mean(~batch.valid) <= max(0.015, 3 / count)
     assert errors["auto"] < 1.06 * errors["mean"]

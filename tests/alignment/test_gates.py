@@ -15,6 +15,8 @@ from gyronorth.alignment.gates import (
 )
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE, earth_rate_n
+from gyronorth.pipeline import heading
+from gyronorth.recording import Recording
 
 LATITUDE = np.radians(32.11)
 RATE = earth_rate_n(LATITUDE)
@@ -112,3 +114,18 @@ def test_too_few_samples_or_seconds():
 def test_saturation():
     gate = saturation_gate(np.array([0.99, 1.0]), limit=1.0, what="gyro", unit=1.0, unit_name="rad/s")
     assert gate.failed.tolist() == [False, True]
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_bias_that_drifts_beside_a_still_accelerometer_is_not_called_a_turn(turns):
+    # 400 deg/h that fall over 20 min integrate to 35 deg; a true tilt of as much is seen by the accelerometer.
+    rng, rate_hz, n = np.random.default_rng(3), 1.0, 3600
+    drift = np.radians(400 / 3600) * np.exp(-np.arange(n) / 1200)
+    angle = (np.cumsum(drift) - drift.mean() * np.arange(n)) / rate_hz
+    gyro_b = np.array([5e-5, 0.0, -5e-5]) + rng.normal(0, 1e-5, (n, 3))
+    gyro_b[:, 0] += drift
+    roll = angle if turns else 0 * angle
+    accel_b = -9.8 * np.stack([0 * roll, np.sin(roll), np.cos(roll)], axis=1) + rng.normal(0, 1e-3, (n, 3))
+    found = heading(Recording(gyro_b, accel_b, rate_hz), latitude=0.8, method="mean")
+    message = next(reason.message for reason in found.reasons if reason.code == "motion")
+    assert ("likely the gyro bias drifts" in message) != turns

@@ -66,9 +66,8 @@ def text(
     foot: str = "",
 ) -> bytes:
     """Header lines and rows."""
-    rows = [
-        sep.join(fmt % value for value, fmt in zip(row, formats, strict=True)) for row in zip(*columns, strict=True)
-    ]
+    line = sep.join(formats)
+    rows = [line % row for row in zip(*columns, strict=True)]
     return (end.join([*header, *rows]) + end + foot).encode(encoding)
 
 

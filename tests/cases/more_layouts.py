@@ -408,4 +408,39 @@ MORE = [
         ),
         FRD,
     ),
-]
+    Layout("compact_iso.csv", text(titled("Time", *fields), with_time(stamps(lambda t: t.strftime("%Y%m%dT%H%M%S.%f"))),
+           TEXT_TIME), FRD),
+    Layout("digits_of_a_date.csv", text(titled("timestamp", *fields), with_time(stamps(lambda t: t.strftime(
+           "%Y%m%d%H%M%S%f")[:-3])), TEXT_TIME), FRD, says="without signs"),
+    Layout("month_in_letters.csv", text(titled("Time", *fields), with_time(stamps(lambda t: t.strftime(
+           "%d-%b-%Y %H:%M:%S.%f"))), TEXT_TIME), FRD),
+    Layout("year_of_two_digits.csv", text(titled("Time", *fields), with_time(stamps(lambda t: t.strftime(
+           "%m/%d/%y %H:%M:%S.%f"))), TEXT_TIME), FRD),
+    Layout("timedelta.csv", text(titled("time", *fields), with_time([f"0 days 00:00:{t:09.6f}" for t in TIME]),
+           TEXT_TIME), FRD),
+    Layout("minutes.csv", text(titled("Time (min)", *fields), with_time(TIME / 60), ("%.9f", *FORMATS[1:])), FRD),
+    Layout("ticks_of_10_us.csv", text(titled("Time (0.01 ms)", *fields), with_time(whole(1e5)), TEXT_TIME), FRD),
+    Layout("spreadsheet_days.csv", text(titled("Time", *fields), with_time(45352.5 + TIME / 86400), ("%.12f",
+           *FORMATS[1:])), FRD, says="days"),
+    Layout("hundredths.csv", text(titled("time (s)", *[f"gyro_{a} (0.01 deg/s)" for a in "xyz"], *[f"acc_{a} (mg)"
+           for a in "xyz"]), (TIME, *(100 * DPS).T, *(1e3 * G).T), FORMATS), FRD, asks=True),
+    Layout("rpm.csv", text(titled("time (s)", *[f"gyro_{a} (rpm)" for a in "xyz"], *[f"acc_{a} (ft/s^2)" for a in
+           "xyz"]), (TIME, *(DPS / 6).T, *(ACCEL / 0.3048).T), ("%.3f", *["%.12f"] * 3, *["%.6f"] * 3)), FRD),
+    Layout("chinese.csv", text(titled("时间(s)", *[f"角速度{a}(°/s)" for a in "XYZ"], *[f"加速度{a}(g)" for a in
+           "XYZ"]), (TIME, *DPS.T, *G.T), FORMATS), FRD),
+    Layout("raw_beside.csv", text(titled("t (s)", *[f"raw_w{a} (deg/s)" for a in "xyz"], *[f"w{a} (deg/s)" for a in
+           "xyz"], *[f"g{a} (g)" for a in "xyz"]), (TIME, *(3 * DPS).T, *DPS.T, *G.T), ("%.3f", *["%.10f"] * 9)), FRD),
+    Layout("wrong_titles.csv", text(titled("time (s)", *[f"gyro_{a} (rad/s)" for a in "xyz"], *[f"acc_{a} (m/s2)" for a
+           in "xyz"]), (TIME, *DPS.T, *ACCEL.T), FORMATS), FRD, asks=True),
+    Layout("whole_seconds.csv", text(titled("Time", *fields), with_time(stamps(lambda t: t.strftime("%H:%M:%S"))),
+           TEXT_TIME), FRD, asks=True),
+    Layout("sec_and_usec.csv", text(titled("tv_usec", "tv_sec", *fields), ([str(round(t * 1e6) % 10**6) for t in TIME],
+           [str(17 * 10**8 + int(t + 1e-9)) for t in TIME], *PLAIN[1:]), ("%s", "%s", *FORMATS[1:])), FRD),
+    Layout("seconds_twice.csv", text(titled("time_s", "time_ns", *fields), (TIME, whole(1e9), *PLAIN[1:]),
+           ("%.3f", "%s", *FORMATS[1:])), FRD),
+    Layout("host_and_device.csv", text(titled("host_time", "device_time_us", *fields), (TIME + 1.7e9 + 0.003 *
+           (np.arange(ROWS) % 3), whole(1e6), *PLAIN[1:]), ("%.6f", "%s", *FORMATS[1:])), FRD, says="device_time_us"),
+    Layout("parts_of_a_second.csv", text(titled("hour", "minute", "second", "millisecond", *fields), ([11] * ROWS,
+           [58] * ROWS, [int(t + 1e-9) for t in TIME], [round(t * 1e3) % 1000 for t in TIME], *PLAIN[1:]), ("%d", "%d",
+           "%d", "%d", *FORMATS[1:])), FRD),
+]  # fmt: skip

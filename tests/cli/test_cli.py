@@ -168,7 +168,7 @@ class TestHeading:
         declared = ("--window", "5:55", "--boresight", "0,0,90", "--gyro-bias", "0.1,0,0", "--roll", 2, "--pitch", -1)
         run("heading", rec, "--report", out, *declared)
         page = out.read_text()
-        for text in ("5 to 55 s", "0°, 0°, 90°", "0.1, 0, 0 deg/h", "2°, -1°", str(rec)):
+        for text in ("5 to 55 s", "0°, 0°, 90°", "0.1, 0, 0 deg/h", "2°, -1°", str(rec), "frd, stated", "rad/s, m/s2"):
             assert text in page
 
 
@@ -272,7 +272,7 @@ class TestFolder:
         (("--roll", "200", "--pitch", "0"), ("--roll", "'200'", "1.5")),
         (("--roll", "2"), ("--roll and --pitch",)),
         (("--axes", "xyz"), ("--axes", "'xyz'", "frd")),
-        (("--gyro-unit", "rpm"), ("--gyro-unit", "'rpm'", "deg/h")),
+        (("--gyro-unit", "turns/s"), ("--gyro-unit", "'turns/s'", "deg/h")),
         (("--accel-unit", "ft"), ("--accel-unit", "'ft'", "m/s2")),
         (("--columns", "a=b"), ("--columns", "'a=b'", "w_x=gx")),
         (("--method", "magic"), ("--method", "magic", "inertial")),

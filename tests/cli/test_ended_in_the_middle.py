@@ -1,19 +1,14 @@
 """Every command that writes, ended in the middle: the old file is whole, and nothing is left beside it."""
 
 import os
-import resource
 import signal
-import sys
-import time
-import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
+from ended import ended
 from still import still
 
 from gyronorth import write
-from gyronorth.cli import main
 from gyronorth.recording import Recording
 
 SIMULATE = "simulate --sensor stim300 --latitude 48 --heading 1 --duration 60 --rate 20 --seed 1 --force -o out.npz"
@@ -45,37 +40,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-def ended(command: str, how: str, place: Path) -> int:
-    """Status of a process that runs a command, is ended or finds no room while it writes, and tells it by its end."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # it may have threads, of which none is needed
-        pid = os.fork()
-    if pid == 0:
-        try:
-            os.chdir(place)
-            quiet = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(quiet, 1)
-            os.dup2(quiet, 2)
-            for number in (signal.SIGTERM, signal.SIGXFSZ):
-                signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
-            if how == "full":
-                resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
-            else:
-
-                def replace(self: Path, target: object) -> None:
-                    os.kill(os.getpid(), signal.Signals[how])
-                    time.sleep(60)
-
-                Path.replace = replace  # type: ignore[method-assign,assignment]
-            sys.argv = ["gyronorth", *command.split()]
-            main()
-        except SystemExit as end:
-            os._exit(end.code if isinstance(end.code, int) else 1)
-        finally:
-            os._exit(99)
-    return os.waitpid(pid, 0)[1]
-
-
 @pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL", "full"])
 @pytest.mark.parametrize(
     "command",
@@ -86,7 +50,7 @@ def test_the_old_file_is_whole(folder, command, how):
     output = folder / command.split()[-1]
     output.write_text("before")
     before = sorted(path.name for path in folder.iterdir())
-    status = ended(command, how, folder)
+    status, _ = ended(command.split(), folder, **({"room": 100} if how == "full" else {"by": how}))
     if how == "full":
         assert (os.WIFEXITED(status), os.WEXITSTATUS(status)) == (True, 2)
     else:

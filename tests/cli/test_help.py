@@ -82,6 +82,36 @@ def test_a_name_that_is_nearly_right_is_offered(arguments, meant):
     assert f"Did you mean '{meant}'?" in " ".join(said.stderr.split())
 
 
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (("examples/data/demo.npz", "--sensor", "sdc500"), "gyronorth heading examples/data/demo.npz --sensor sdc500"),
+        (("--sensor", "sdc500", "heading", "a b.csv"), "gyronorth heading --sensor sdc500 'a b.csv'"),
+        (("-v", "info", "a.csv"), "gyronorth info -v a.csv"),
+        (("help",), "'--help'"),
+        (("version",), "'--version'"),
+        (("benchmark", "papr", "-o", "out"), "'paper'"),
+    ],
+)
+def test_words_in_another_order_are_put_right(arguments, meant):
+    said = run(*arguments)
+    assert said.exit_code == 2
+    assert meant in said.stderr
+
+
+@pytest.mark.parametrize("arguments", [(), ("heading",), ("live",)])
+def test_a_switch_shows_no_type(arguments):
+    assert "<bool>" not in run(*arguments, "--help").stdout
+
+
+@pytest.mark.parametrize("command", ["explain", "heading", "info", "import"])
+@pytest.mark.parametrize("suffix", [".npz", ".csv", ".mat", ".h5", ".bag"])
+def test_a_file_that_is_not_there_is_said_to_be_missing(command, suffix):
+    said = run(command, f"nowhere{suffix}")
+    assert said.exit_code == 2
+    assert f"There is no file nowhere{suffix}" in said.stderr
+
+
 def test_nothing_is_offered_for_a_name_that_is_far_off():
     assert did_you_mean("quaternion", ("sdc500", "stim300")) == ""
 

@@ -371,7 +371,7 @@ def test_a_unit_that_is_set_anew_is_told_once():
         stream.feed(frame)
     report = stream.report
     assert [finding.code for finding in report.findings].count("layout_changed") == 1
-    assert (report.samples, report.other) == (200, 300)
+    assert (report.samples, report.other, report.settings) == (437, 63, 1)
 
 
 def test_a_stream_ends_before_enough_frames():

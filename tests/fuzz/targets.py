@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
+from threading import Event
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -23,7 +25,10 @@ from gyronorth.alignment.networks.bundle import shipped_bundle
 from gyronorth.deviation import fit_deviation
 from gyronorth.errors import InputError
 from gyronorth.estimate import HeadingEstimate
+from gyronorth.live.events import Bytes, Connected, Emit, Ended, Lost
 from gyronorth.live.lines import LineReader
+from gyronorth.live.nmea_out import status_sentences
+from gyronorth.live.session import LiveSettings, Session
 from gyronorth.readers.options import ReadOptions
 from gyronorth.recording import Recording
 
@@ -128,16 +133,67 @@ def _formats(recording: Recording, folder: Path) -> Iterator[Target]:
 
 
 def _frames(folder: Path) -> Iterator[Target]:
-    from frames.encoders import novatel, stim
+    """Captures of every protocol: as files, and as they come to a running session."""
+    from frames.encoders import CASES
 
-    for name, case in (("stim", stim(150)), ("novatel", novatel(100))):
+    for name in FRAMES:
+        case = CASES[name](150)
+        declared: dict[str, Any] = {"protocol": case.protocol, "axes": "frd"}
+        declared |= {"rate_hz": case.options.rate_hz, "imu": case.options.imu, "gyro_unit": case.options.gyro_unit}
+        declared["increments"] = case.options.increments
 
-        def heading(path: Path) -> HeadingEstimate:
-            found = gyronorth.read(path, format="frames")
+        def heading(path: Path, declared: dict[str, Any] = declared) -> HeadingEstimate:
+            found = gyronorth.read(path, format="frames", **declared)
             return gyronorth.heading(found, latitude=LATITUDE, method="mean")
+
+        def live(content: bytes, declared: dict[str, Any] = declared) -> HeadingEstimate | None:
+            return _session(content, ReadOptions(latitude=LATITUDE, **declared))
 
         content = partial(bytes, case.preamble + b"".join(case.frames))
         yield Target(f"frames-{name}", "binary", content, _file(folder, f"{name}.bin", heading))
+        yield Target(f"live-{name}", "binary", content, live)
+
+
+#: One form of each protocol at least; the others differ in how numbers are written.
+FRAMES = (
+    "stim", "novatel-RAWIMUSX-text", "novatel-RAWIMUX-binary", "kvh-A-angle", "kvh-B-angle", "hg4930", "sbg-short",
+    "anpp", "vectornav-delta", "vectornav-ascii", "mip-delta", "xbus-dq", "xbus-12.20", "inertial-labs", "anello",
+    "anello-x3",
+)  # fmt: skip
+
+
+class _Bytes:
+    """A source that gives its bytes in pieces of odd sizes, with a break in between."""
+
+    name, live = "fuzz", True
+
+    def __init__(self, content: bytes) -> None:
+        self._content = content
+
+    def run(self, emit: Emit, stop: Event) -> None:
+        emit(Connected(False))
+        size = 1 + len(self._content) % 997
+        for number, start in enumerate(range(0, len(self._content), size)):
+            if number == 7:
+                emit(Lost("unplugged"))
+                emit(Connected(True))
+            emit(Bytes(self._content[start : start + size]))
+        emit(Ended())
+
+
+def _session(content: bytes, reading: ReadOptions) -> HeadingEstimate | None:
+    """What a session makes of a stream: its heading at the end, and what a receiver is told, must be sound."""
+    session = Session(_Bytes(content), LiveSettings(reading, method="mean"))
+    with patch("gyronorth.live.estimation._warm"):  # of no use to a stream of a second
+        session.start()
+        assert session.ended.wait(20), "the session does not end"
+        session.close()
+    if session.error is not None:
+        raise session.error
+    status = session.status
+    sentences = status_sentences(status)
+    assert "HDT" not in sentences, "a heading of a stream that has ended"
+    return status.measured
 
 
 def _profile(recording: Recording, folder: Path) -> Target:

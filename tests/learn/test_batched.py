@@ -11,10 +11,12 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch", reason="PyTorch comes with the extra train")
 
-from gyronorth.learn.batched import train_batched  # noqa: E402
+from gyronorth.alignment.networks.diffusion import Normalisation  # noqa: E402
+from gyronorth.learn.batched import RememberingDenoiser, train_batched  # noqa: E402
 from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa: E402
 from gyronorth.learn.settings import Settings  # noqa: E402
-from gyronorth.learn.stages import heading_parts, train_heading  # noqa: E402
+from gyronorth.learn.stages import TrainedDenoiser, heading_parts, new_denoiser, train_heading  # noqa: E402
+from gyronorth.learn.training import Progress  # noqa: E402
 
 SAMPLES = 10
 
@@ -94,3 +96,24 @@ def test_every_network_is_tested_on_its_own_recordings():
     assert first.loss == second.loss
     assert first.validation == second.validation
     assert not np.allclose(first.test, second.test)
+
+
+def test_what_was_denoised_for_one_split_is_not_denoised_again(monkeypatch):
+    """And is what a denoiser without memory gives, whatever else is beside it."""
+    own = Settings.model_validate(
+        {"samples": SAMPLES, "denoiser": {"layers": 2, "hidden": 4}, "sampler": {"t_back": 990}}
+    )
+    plain = TrainedDenoiser(new_denoiser(own)[0], own, Normalisation("sequence"), Progress())
+    gyro = 5e-5 * np.random.default_rng(0).standard_normal((7, SAMPLES, 3))
+    expected, counted = plain.clean(gyro), []
+    once = TrainedDenoiser.clean
+
+    def counting(self, gyro_l):
+        counted.append(len(gyro_l))
+        return once(self, gyro_l)
+
+    monkeypatch.setattr(TrainedDenoiser, "clean", counting)
+    found = RememberingDenoiser(**vars(plain))
+    assert_allclose(found.clean(gyro[:4]), expected[:4], rtol=1e-5)
+    assert_allclose(found.clean(gyro[[6, 2, 2, 5, 0]]), expected[[6, 2, 2, 5, 0]], rtol=1e-5)
+    assert counted == [4, 2]

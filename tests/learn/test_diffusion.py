@@ -11,8 +11,6 @@ from numpy.testing import assert_allclose
 
 from gyronorth.alignment.networks.diffusion import Normalisation, Sampler, Schedule, denoise, reverse, white_noise
 
-diffusers = pytest.importorskip("diffusers", reason="diffusers, the oracle of the samplers, comes with the extra dev")
-
 SCHEDULE = Schedule()
 PLAIN = Sampler(noise=False)
 
@@ -52,6 +50,9 @@ def test_impossible_schedules_are_refused(steps, low, high):
 
 
 def scheduler(kind):
+    diffusers = pytest.importorskip(
+        "diffusers", reason="diffusers, the oracle of the samplers, comes with the extra dev"
+    )
     settings = {"num_train_timesteps": 1000, "trained_betas": SCHEDULE.beta[1:], "clip_sample": False}
     if kind == "chain":
         made = diffusers.DDPMScheduler(**settings, variance_type="fixed_large")

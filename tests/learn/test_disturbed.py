@@ -51,7 +51,9 @@ def test_network_learns_a_batch_by_heart():
         loss = loss_of(network, batch)
         loss.backward()
         optimiser.step()
-    assert loss.item() < 0.2 * first
+        if loss.item() < 0.2 * first:
+            return
+    pytest.fail(f"the loss is {loss.item()}, {first} at first")
 
 
 def test_axes_and_signs_of_a_bump_do_not_matter():

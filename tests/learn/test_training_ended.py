@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
-import sys
-import time
-import traceback
-import warnings
 from pathlib import Path
 
 import pytest
+from ended import ended
 
 pytest.importorskip("torch", reason="PyTorch comes with the extra train")
 pytest.importorskip("tensorboard", reason="tensorboard comes with the extra train")
 
-from gyronorth.cli import main
 from gyronorth.learn.settings import Settings, write_settings
 
 TINY = Settings.model_validate(
@@ -29,50 +24,9 @@ TINY = Settings.model_validate(
 )
 
 
-def train(place: Path, *, ended: tuple[str, str] | None = None, room: int | None = None) -> tuple[int, str]:
-    """Status and output of `train denoiser` in a child.
-
-    `ended` is a signal, and the end of the name before whose last step it comes; `room` the longest file, bytes.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # it may have threads, of which none is needed
-        pid = os.fork()
-    if pid == 0:
-        try:
-            os.chdir(place)
-            said = os.open("said", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-            os.dup2(said, 1)
-            os.dup2(said, 2)
-            sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            if room is not None:
-                resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
-            waiting = [ended] if ended is not None else []
-            for name, step in (("rename", Path.rename), ("replace", Path.replace)):
-
-                def last_step(self: Path, target: Path, do=step) -> object:
-                    if waiting and Path(target).name.endswith(waiting[0][1]):
-                        waiting.clear()
-                        assert ended is not None
-                        os.kill(os.getpid(), signal.Signals[ended[0]])
-                        time.sleep(60)
-                    return do(self, target)
-
-                setattr(Path, name, last_step)
-            sys.argv = ["gyronorth", "train", "denoiser", "--config", "s.yaml", "--force", "-o", "bundle"]
-            main()
-        except SystemExit as end:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(end.code if isinstance(end.code, int) else 1)
-        except BaseException:
-            traceback.print_exc()
-            sys.stderr.flush()
-        finally:
-            os._exit(99)
-    status = os.waitpid(pid, 0)[1]
-    return status, (place / "said").read_text()
+def train(place: Path, **how) -> tuple[int, str]:
+    """Status and output of `train denoiser` in a child that is ended."""
+    return ended(["train", "denoiser", "--config", "s.yaml", "--force", "-o", "bundle"], place, **how)
 
 
 @pytest.fixture
@@ -91,7 +45,7 @@ def parts(place: Path) -> list[str]:
 @pytest.mark.parametrize("at", ["bundle", pytest.param(".pt", marks=pytest.mark.long)])
 @pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL"])
 def test_a_signal_leaves_the_old_bundle(place, how, at):
-    status, _ = train(place, ended=(how, at))
+    status, _ = train(place, by=how, before=at)
     assert os.WIFSIGNALED(status)
     assert os.WTERMSIG(status) == signal.Signals[how]
     left = parts(place)

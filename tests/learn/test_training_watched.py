@@ -219,14 +219,14 @@ def test_the_baseline_is_that_of_ii_b():
 @pytest.mark.parametrize(("output", "wide"), [("degrees", 1), ("cos_sin", 2)])
 def test_the_output_is_that_of_the_settings(heading_seen, output, wide):
     """A vector's heading is atan2 of its second and first part, in training and in use."""
-    trained = train_heading(settings(heading={"output": output, "rate": 1e-12}), data(), None)
+    trained = train_heading(settings(heading={"output": output, "rate": 1e-9}), data(), None)
     assert {raw.shape[1] for *_, raw in heading_seen} == {wide}
     raw = trained.network(torch.from_numpy(data().train.gyro_l / EARTH_RATE)).detach().double().numpy()
     expected = np.radians(raw[:, 0]) if wide == 1 else np.arctan2(raw[:, 1], raw[:, 0])
     assert_allclose(wrap(trained.headings(data().train.gyro_l) - expected), 0, atol=1e-5)
     error = np.degrees(wrap(expected - data().train.heading))
     alone = train_heading(
-        settings(heading={"output": output, "rate": 1e-12, "dropout": 0.0, "epochs": 1, "augment": {"copies": 1}}),
+        settings(heading={"output": output, "rate": 1e-9, "dropout": 0.0, "epochs": 1, "augment": {"copies": 1}}),
         data(),
         None,
     )

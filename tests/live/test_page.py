@@ -11,9 +11,12 @@ import signal
 import subprocess
 import sys
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from http.cookiejar import CookieJar
 from math import degrees, radians
 from pathlib import Path
 from threading import Event, Thread
@@ -241,62 +244,71 @@ def phone(page) -> None:
     page.wait_for_function(f"{colour} != '{before}'")
 
 
-@pytest.mark.slow
-def test_many_idle_connections_do_no_harm(tmp_path):
-    """1,200 to the page and 200 to the sentences: both go on to answer, and the recording goes on."""
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory) -> Iterator[tuple[Path, str, int]]:
+    """An instrument for the network, which asks for a token: its folder, its address and the port of its sentences."""
     import socket
-    import urllib.request
-    from contextlib import ExitStack
 
     from gyronorth.live.binding import allow_descriptors
 
     allow_descriptors()
-    turned_recording(tmp_path / "turned.csv")
+    folder = tmp_path_factory.mktemp("guarded")
+    turned_recording(folder / "turned.csv")
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         nmea_port = free.getsockname()[1]
-    arguments = ("turned.csv", "--speed", "2", "--save", "north.csv", "--nmea-out", f"tcp:127.0.0.1:{nmea_port}")
-    with live(tmp_path, *arguments) as (url, _), ExitStack() as idle:
-        port = int(url.rstrip("/").rpartition(":")[2])
+    arguments = ("turned.csv", "--speed", "1", "--save", "north.csv", "--nmea-out", f"tcp:127.0.0.1:{nmea_port}")
+    with live(folder, *arguments, "--host", "0.0.0.0", "--token", "a b&c" * 4) as (url, process):
+        yield folder, url.replace("0.0.0.0", "127.0.0.1"), nmea_port
+        assert process.poll() is None
+
+
+def opened_with_its_token(url: str) -> urllib.request.OpenerDirector:
+    """What has opened the page once, and has its cookie."""
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
+    assert b"gyronorth live" in opener.open(url, timeout=30).read()
+    return opener
+
+
+@pytest.mark.slow
+def test_a_token_opens_the_page(guarded):
+    _, url, _ = guarded
+    page = url.partition("?")[0]
+    with pytest.raises(urllib.error.HTTPError, match="401"):
+        urllib.request.urlopen(page, timeout=30)
+    assert b"gyronorth live" in opened_with_its_token(url).open(page, timeout=30).read()
+
+
+@pytest.mark.slow
+def test_many_idle_connections_do_no_harm(guarded):
+    """1,200 to the page and 200 to the sentences: both go on to answer, and the recording goes on."""
+    import socket
+    from contextlib import ExitStack
+
+    folder, url, nmea_port = guarded
+    port = int(url.partition("?")[0].rstrip("/").rpartition(":")[2])
+    with ExitStack() as idle:
         for target in [port] * 1200 + [nmea_port] * 200:
             idle.enter_context(socket.create_connection(("127.0.0.1", target), timeout=30))
-        before = (tmp_path / "north.csv").stat().st_size
-        assert b"gyronorth live" in urllib.request.urlopen(url, timeout=30).read()
+        before = (folder / "north.csv").stat().st_size
+        opened_with_its_token(url)
         with socket.create_connection(("127.0.0.1", nmea_port), timeout=30) as listener, listener.makefile() as lines:
             assert [next(lines).startswith("$") for _ in range(4)] == [True] * 4
-        assert (tmp_path / "north.csv").stat().st_size > before
-
-
-@pytest.mark.slow
-def test_the_recording_is_downloaded_while_it_grows(tmp_path):
-    import urllib.request
-
-    turned_recording(tmp_path / "turned.csv")
-    with live(tmp_path, "turned.csv", "--speed", "5", "--save", "north.csv") as (url, _):
-        while not (tmp_path / "north.csv").exists():
+        deadline = time.monotonic() + 60
+        while (folder / "north.csv").stat().st_size == before and time.monotonic() < deadline:
             time.sleep(0.05)
-        for _ in range(15):
-            body = urllib.request.urlopen(f"{url}recording", timeout=30).read()
-            assert body.endswith(b"\n")
-            assert (tmp_path / "north.csv").read_bytes()[200 : len(body)] == body[200:]  # the rate is filled in before
-            time.sleep(0.1)
+        assert (folder / "north.csv").stat().st_size > before
 
 
 @pytest.mark.slow
-def test_a_token_opens_the_page(tmp_path):
-    import urllib.error
-    import urllib.request
-    from http.cookiejar import CookieJar
-
-    turned_recording(tmp_path / "turned.csv")
-    with live(tmp_path, "turned.csv", "--host", "0.0.0.0", "--token", "a b&c" * 4) as (url, process):
-        url = url.replace("0.0.0.0", "127.0.0.1")
-        with pytest.raises(urllib.error.HTTPError, match="401"):
-            urllib.request.urlopen(url.partition("?")[0])
-        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
-        assert b"gyronorth live" in opener.open(url).read()
-        assert b"gyronorth live" in opener.open(url.partition("?")[0]).read()
-        assert process.poll() is None
+def test_the_recording_is_downloaded_while_it_grows(guarded):
+    folder, url, _ = guarded
+    opener, page = opened_with_its_token(url), url.partition("?")[0]
+    for _ in range(8):
+        body = opener.open(f"{page}recording", timeout=30).read()
+        assert body.endswith(b"\n")
+        assert (folder / "north.csv").read_bytes()[200 : len(body)] == body[200:]  # the rate is filled in before
+        time.sleep(0.1)
 
 
 @pytest.mark.parametrize(

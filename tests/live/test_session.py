@@ -305,14 +305,12 @@ def live_of(given: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def test_garbage_alone_is_counted_and_shown_and_leaves_no_file(tmp_path):
     arguments = ("--latitude", "32", "--save", str(tmp_path / "rec.csv"))
-    run = live_of("a poem\nof two lines\n$GPGGA,1\n", *arguments)
-    assert run.returncode == 2
+    run = live_of("a poem\nof two lines\n$GPGGA,1\n", *arguments, "--json")
+    assert (run.returncode, json.loads(run.stdout.splitlines()[-1])["live"]["recording"]) == (2, None)
     for words in ("3 lines from standard input", "3 rejected", "'$GPGGA,1'", "t,w_x,w_y,w_z", "no file was made"):
         assert words in run.stderr
     assert "Traceback" not in run.stderr
     assert list(tmp_path.iterdir()) == []
-    run = live_of("a poem\n", *arguments, "--json")
-    assert (run.returncode, json.loads(run.stdout.splitlines()[-1])["live"]["recording"]) == (2, None)
 
 
 def test_rows_that_no_sensor_gives_point_to_the_unit():
@@ -447,9 +445,9 @@ def test_json_lines_hold_the_estimate_and_the_counters(tmp_path):
 @pytest.mark.slow
 def test_a_bad_line_costs_no_good_row():
     """The benchmark's stream, shortened: 1 % lost, 1 % garbage, three connections that break."""
-    command = [sys.executable, "-m", "benchmarks.live_soak", "--minutes", "1.5", "--speed", "20"]
+    command = [sys.executable, "-m", "benchmarks.live_soak", "--minutes", "0.5", "--speed", "20"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=200, check=False)
+    run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert run.stdout, run.stderr
     figures = json.loads(run.stdout)
     assert figures["good_rows_missing_in_the_file"] == 0

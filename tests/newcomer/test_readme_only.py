@@ -82,8 +82,6 @@ def test_an_own_csv_with_other_titles_and_units(clone):
 
 def test_a_replay_of_a_live_sensor(clone):
     shell("gyronorth convert examples/data/demo.npz -o out/demo.csv --decimate-to 5", clone)
-    help_text = shell("gyronorth live --help", clone)
-    assert "--speed" in help_text
     lines = shell(
         "gyronorth live out/demo.csv --speed 1000 --sensor sdc500 --latitude 32.11 --no-page --json", clone, (0, 3)
     )

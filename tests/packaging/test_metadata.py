@@ -2,6 +2,9 @@
 
 import importlib.util
 import re
+import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -56,3 +59,39 @@ def test_bundles_are_of_the_same_version():
     bundles = tomllib.loads((ROOT / "packaging/bundles/pyproject.toml").read_text())["project"]
     assert bundles["version"] == PROJECT["version"]
     assert PROJECT["optional-dependencies"]["bundles"] == [f"gyronorth-bundles=={PROJECT['version']}"]
+
+
+def test_the_image_copies_all_that_the_build_reads(tmp_path):
+    for line in re.findall(r"^COPY (.+)$", (ROOT / "deploy/Containerfile").read_text(), re.MULTILINE):
+        *names, target = line.split()
+        folder = tmp_path / target.removeprefix("/src/")
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            if (ROOT / name).is_file():
+                shutil.copy(ROOT / name, folder)
+    command = [sys.executable, "-m", "hatchling", "metadata", "version"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout.strip() == PROJECT["version"], done.stderr
+
+
+def test_the_image_installs_an_extra_that_there_is_and_a_python_that_is_tested():
+    text = (ROOT / "deploy/Containerfile").read_text()
+    assert set(re.findall(r'"/src\[(\w+)\]"', text)) <= set(PROJECT["optional-dependencies"])
+    python = re.search(r"^FROM .*python:(3\.\d+)", text, re.MULTILINE)[1]
+    assert f"Programming Language :: Python :: {python}" in PROJECT["classifiers"]
+
+
+def test_the_oldest_packages_tested_are_the_lower_bounds():
+    text = (ROOT / "Makefile").read_text()
+    tested = dict(pin.split("==") for pin in re.search(r"^OLDEST := (.+)$", text, re.MULTILINE)[1].split())
+    extras = PROJECT["optional-dependencies"]
+    bounds = dict(line.split(">=") for line in (*PROJECT["dependencies"], *extras["report"], *extras["io"]))
+    del bounds["typing-extensions"]  # of the standard library's own makers, and pydantic asks for a later one
+    assert tested.keys() == bounds.keys()
+    for name, bound in bounds.items():
+        assert re.fullmatch(rf"{re.escape(bound)}(\.0)*", tested[name]), name
+
+
+def test_what_the_paper_cites_is_in_its_bibliography():
+    cited = set(re.findall(r"@(\w+)", (ROOT / "paper.md").read_text()))
+    assert cited == set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))

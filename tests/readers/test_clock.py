@@ -169,3 +169,44 @@ def test_a_rate_that_changes_within_the_file_is_refused(factor):
     blocks = (rows_block(values[start : start + 2000], start) for start in range(0, 16_000, 2000))
     with pytest.raises(InputError, match="the rate changes within the file"):
         list(map(grid.push, blocks))
+
+
+@pytest.mark.parametrize(("rate_hz", "jitter"), [(100.01, 0.0), (100.0, 0.1), (2000.2, 0.05)])
+@pytest.mark.parametrize("every", [12, 50])
+def test_samples_lost_one_in_so_many_leave_the_rate_where_no_clock_ticks_so(rate_hz, jitter, every):
+    time = (np.arange(4000) + jitter * np.random.default_rng(4).uniform(-0.5, 0.5, 4000)) / rate_hz
+    kept = np.arange(4000) % every != every - 1
+    found, lost = losses(time[kept])
+    assert found == pytest.approx(rate_hz, rel=1e-4)
+    assert lost.sum() == np.count_nonzero(~kept[:-1])
+
+
+def test_samples_lost_one_in_so_many_are_told_from_ticks_of_10_ms_but_not_of_1_ms():
+    kept = np.arange(4000) % 20 != 19
+    assert losses(np.arange(4000)[kept] / 100)[0] == pytest.approx(100)
+    assert losses(np.arange(4000)[kept] / 1000)[0] == pytest.approx(950, rel=1e-4)  # as 950 Hz in whole milliseconds
+
+
+@pytest.mark.parametrize("late", [0.002, 0.01])
+def test_one_gap_among_stamps_that_are_late_by_intervals_leaves_the_rate(late):
+    rng = np.random.default_rng(6)
+    kept = np.setdiff1d(np.arange(4000), np.arange(1500, 1560))
+    time = np.maximum.accumulate(np.arange(4000) / 200 + rng.exponential(late, 4000))[kept]
+    rate_hz, lost = losses(time)
+    assert rate_hz == pytest.approx(200, rel=1e-3)
+    assert abs(lost.sum() - 60) <= 2
+
+
+def test_no_sample_is_invented_where_a_recording_ends_among_late_stamps():
+    time = np.arange(3000) / 500
+    time[2950:] = time[2950] + 0.2 + 1e-4 * np.arange(50)
+    assert losses(time)[1].sum() == 0
+    time[2950:] = 2950 / 500 + 0.2 + np.arange(50) / 500  # in step again: lost
+    assert losses(time)[1].sum() == 100
+
+
+def test_losses_that_late_stamps_hide_are_refused(tmp_path):
+    rng = np.random.default_rng(7)
+    time = np.maximum.accumulate(np.arange(6000) / 200 + rng.exponential(0.02, 6000))
+    with pytest.raises(InputError, match=r"late by more than a sample interval.*--columns t=- --rate HZ"):
+        read(timed_file(tmp_path, time[rng.random(6000) > 0.06]))

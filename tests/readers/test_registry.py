@@ -53,10 +53,6 @@ registry.register(
     )
 )
 """
-COMMAND = """
-from gyronorth.cli import main
-main()
-"""
 
 
 def run(tmp_path, body, *arguments):
@@ -71,20 +67,24 @@ def run(tmp_path, body, *arguments):
 def test_a_toy_format_is_written_recognised_and_read_at_the_command_line(tmp_path):
     body = """
 import gyronorth as gn
+from pathlib import Path
+from gyronorth.cli import main
 recording = gn.simulate("sdc500", latitude=0.56, heading=1.0, duration=60, rate_hz=10, rng=np.random.default_rng(0))
 gn.write(recording, sys.argv[1])
 back = gn.read(sys.argv[1])
 print((back.gyro_b == recording.gyro_b).all(), back.rate_hz)
+path, unnamed = map(Path, sys.argv[1:3])
+path.rename(unnamed)  # its suffix says nothing: the content does
+sys.argv[1:3] = ["heading", str(unnamed)]
+main()
 """
-    path = tmp_path / "rec.toy"
-    done = run(tmp_path, body, path)
-    assert (done.stdout, done.stderr) == ("True 10.0\n", "")
-    unnamed = tmp_path / "rec.bin"  # its suffix says nothing: the content does
-    path.rename(unnamed)
     page = tmp_path / "toy.html"
-    done = run(tmp_path, COMMAND, "heading", unnamed, "--sensor", "sdc500", "--json", "--report", page)
+    names = (tmp_path / "rec.toy", tmp_path / "rec.bin")
+    done = run(tmp_path, body, *names, "--sensor", "sdc500", "--json", "--report", page)
     assert (done.returncode, done.stderr) == (0, f"wrote {page}\n")
-    assert json.loads(done.stdout)["duration_s"] == 60.0
+    same, _, answer = done.stdout.partition("\n")
+    assert same == "True 10.0"
+    assert json.loads(answer)["duration_s"] == 60.0
     assert "rec.bin" in page.read_text()
 
 

@@ -260,7 +260,7 @@ def test_describe_names_the_topic_and_the_convention(tmp_path, maker):
     assert_allclose(description.rate_mean, GYRO.mean(axis=0), rtol=1e-12)
 
 
-CUTS = np.random.default_rng(5).integers(1, 10**6, 8)
+CUTS = np.random.default_rng(5).integers(1, 10**6, 3)
 
 
 @pytest.mark.parametrize("maker", ["rosbag1", "rosbag1-lz4", "db3", "mcap", "mcap-small-chunks", "mcap-without-chunks"])

@@ -8,7 +8,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from math import radians
+from math import degrees, radians
 
 import numpy as np
 import pytest
@@ -148,6 +148,11 @@ class TestNmea:
         else:
             assert (parsed["HEROT"].rot, parsed["HEROT"].valid) == ((-30.0, "A") if mode != "S" else ("", "V"))
 
+    @pytest.mark.parametrize("degrees_a_minute", [0.0, -0.0, -0.04, -1e-12])
+    def test_no_turn_has_no_sign(self, degrees_a_minute):
+        lines = nmea.running_sentences(VALID, kind="ths", mode="A", rate_of_turn=radians(degrees_a_minute / 60))
+        assert lines[1].startswith("$HEROT,0.0,A*")
+
     @pytest.mark.parametrize("kind", list(NMEA_SETS))
     @pytest.mark.parametrize("estimate", [None, REFUSED, UNKNOWN])
     def test_no_set_gives_an_invalid_heading(self, kind, estimate):
@@ -279,6 +284,16 @@ class TestFigures:
         figure = figures.heading_figure(replace(CONVERGENCE, heading=np.full(4, np.nan)), UNKNOWN)
         figures.write(figure, tmp_path / "a.png")
         assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_a_picture_alone_says_file_heading_and_method(self, tmp_path):
+        title = figures.heading_figure(CONVERGENCE, VALID, name="ship $1.csv").get_suptitle()
+        assert title.startswith(r"ship \$1.csv")
+        assert f"heading {wording.heading_text(degrees(VALID.heading))} ± " in title
+        assert f"method {VALID.method}" in title
+        refused = figures.heading_figure(replace(CONVERGENCE, heading=np.full(4, np.nan)), UNKNOWN, name="\udcff" * 200)
+        assert "refused: " in refused.get_suptitle()
+        assert " deg" not in refused.get_suptitle()
+        figures.write(refused, tmp_path / "a.png")
 
     @pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
     def test_formats(self, tmp_path, suffix, start):

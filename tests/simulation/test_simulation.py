@@ -76,9 +76,9 @@ def test_white_noise_is_the_same_at_every_sample_rate(rate_hz):
 
 @pytest.mark.parametrize("samples_per_tau", [0.05, 0.5, 3.0, 30.0, 49.0, 51.0, 130.0, 900.0, 20000.0])
 def test_gauss_markov_is_stationary_from_the_first_sample(samples_per_tau):
-    # From drawn sample by sample (fast) to drawn every 256 samples (slow); 60,000 values at each instant.
+    # From drawn sample by sample (fast) to drawn every 256 samples (slow); 24,000 values at each instant.
     samples, rate_hz, x = 290, 10.0, 1 / samples_per_tau
-    errors = markov(4.0, samples_per_tau / rate_hz, (20_000, samples), rate_hz, seed=round(samples_per_tau * 100))
+    errors = markov(4.0, samples_per_tau / rate_hz, (8000, samples), rate_hz, seed=round(samples_per_tau * 100))
     missing = 0.01 if samples_per_tau >= noise.KNOTS_PER_TIME_CONSTANT else 0.0
     for instant in (0, 1, 127, 128, 255, 256, 257, samples - 1):
         assert_variance(errors[:, instant], covariance_of_means(4.0, x, 0), missing=missing)
@@ -118,7 +118,7 @@ def test_slow_processes_of_different_spacing_join_without_steps():
 @pytest.mark.parametrize(("rate_hz", "duration"), [(3.0, 100.0), (3.0, 230.0), (100.0, 20.0)])
 def test_mean_of_the_in_run_bias_has_the_variance_of_its_law(rate_hz, duration):
     errors = TriadErrors(flicker=1.0)
-    means = sensor_errors(errors, (1500, round(duration * rate_hz)), rate_hz, rng=np.random.default_rng(3)).mean(axis=1)
+    means = sensor_errors(errors, (800, round(duration * rate_hz)), rate_hz, rng=np.random.default_rng(3)).mean(axis=1)
     assert_variance(means, variance_of_mean(*flicker_components(errors)[:2], duration).sum(), missing=0.01)
 
 
@@ -134,10 +134,10 @@ def test_in_run_bias_has_a_flat_allan_deviation_of_0_664_b():
 
 
 def test_in_run_bias_agrees_with_flicker_made_by_fft():
-    ours = sensor_errors(TriadErrors(flicker=1.0), (3000, 300), 3.0, rng=np.random.default_rng(6)).mean(axis=1)
-    oracle = flicker_fft(1.0, (3000, 300), 3.0, rng=np.random.default_rng(7)).mean(axis=1)
+    ours = sensor_errors(TriadErrors(flicker=1.0), (1500, 300), 3.0, rng=np.random.default_rng(6)).mean(axis=1)
+    oracle = flicker_fft(1.0, (1500, 300), 3.0, rng=np.random.default_rng(7)).mean(axis=1)
     # The variances of the mean over 100 s, by quadrature of the two spectra, are 1.2152 and 1.2708 B^2: they round off
-    # the low-frequency corner differently. Around that, the F distribution of two variances of 9000 values.
+    # the low-frequency corner differently. Around that, the F distribution of two variances of 4500 values.
     low, high = stats.f.ppf([CHANCE / 2, 1 - CHANCE / 2], ours.size, oracle.size) * 1.2152 / 1.2708
     assert low < np.mean(ours**2) / np.mean(oracle**2) < high
 
@@ -147,7 +147,7 @@ def test_rate_random_walk_starts_at_zero_and_grows_as_its_law(white):
     # Without white noise a knot per sample, with it a knot per 32 samples.
     walk, rate_hz, duration = 0.3, 16.0, 50.0
     rng = np.random.default_rng(9)
-    errors = sensor_errors(TriadErrors(white=white, random_walk=walk), (6000, 800), rate_hz, rng=rng)
+    errors = sensor_errors(TriadErrors(white=white, random_walk=walk), (3000, 800), rate_hz, rng=rng)
     assert_variance(errors.mean(axis=1), walk**2 * duration / 3 + white**2 / duration, missing=0.002)
     at_end = errors[:, -32:].mean(axis=1)  # mean over the last 2 s: walk to 48 s and 2/3 s more
     assert_variance(at_end, walk**2 * (48 + 2 / 3) + white**2 / 2, missing=0.002)

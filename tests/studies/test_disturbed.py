@@ -78,8 +78,8 @@ def test_units_and_report(monkeypatch):
     monkeypatch.setattr(disturbed, "CASES", (("mixed", 100.0, 0.1, 6, 3), ("beat", 10.0, 0.1, 4, 2)))
     monkeypatch.setattr(disturbed, "ROWS", 4)
     monkeypatch.setattr(disturbed, "BAYES_ROWS", 2)
-    monkeypatch.setattr(disturbed_paper, "TRAINED", 40)
-    monkeypatch.setattr(disturbed_paper, "VALIDATED", 20)
+    monkeypatch.setattr(disturbed_paper, "TRAINED", 16)
+    monkeypatch.setattr(disturbed_paper, "VALIDATED", 8)
     units = disturbed.DISTURBED.units(StudyPlan(epochs=1))
     names = ["fast-0000", "fast-0004", "bayes-0000", "bayes-0002", "trained"]
     expected = [*(f"disturbed/mixed-100s-0.1/{name}" for name in names), "disturbed/beat-10s-0.1/fast-0000"]

@@ -15,9 +15,10 @@ from gyronorth.cli import app
 from gyronorth.errors import InputError
 from gyronorth.files import no_empty_folder
 from gyronorth.many.workers import executor_on
-from gyronorth.studies.benchmark import run_benchmark, studies_of
+from gyronorth.studies.benchmark import left_out, run_benchmark, studies_of
+from gyronorth.studies.expected import Remaining, expected_seconds
 from gyronorth.studies.study import StudyPlan
-from gyronorth.studies.work import Job, data_sha256, run_units
+from gyronorth.studies.work import Job, data_sha256, run_units, with_needs
 
 
 @pytest.fixture
@@ -82,6 +83,38 @@ def test_a_failing_unit_is_raised_and_the_others_are_kept(tmp_path):
 def test_two_units_of_one_name_are_refused(tmp_path, pool):
     with pytest.raises(ValueError, match="Two different units are called x"):
         run_units([Job("x", square, {"value": 1}), Job("x", square, {"value": 2})], tmp_path, pool, command="")
+
+
+def test_a_whole_benchmark_leaves_out_what_runs_by_name_only():
+    names = [study.name for study in studies_of("paper")]
+    assert left_out("paper") == ["protocol_leak", "temporal"]
+    assert not set(names) & {"protocol_leak", "temporal"}
+    assert [study.name for study in studies_of("paper", ("temporal",))] == ["temporal"]
+    assert left_out("paper", ("temporal",)) == left_out("published") == []
+
+
+def test_the_paper_takes_at_most_three_hours():
+    """By what is told before it starts."""
+    plan = StudyPlan()
+    jobs = with_needs([job for study in studies_of("paper") for job in study.units(plan)])
+    assert sum(expected_seconds(job) for job in jobs) < 3 * 3600
+
+
+def test_what_remains_is_told_from_the_pace_so_far(tmp_path):
+    """Two studies of units that are expected to take the same; each takes 100 s. No line within a minute."""
+    units = {
+        "a": [Job(f"a/{k}", square, {"value": k}) for k in range(2)],
+        "b": [Job(f"b/{k}", square, {"value": k}) for k in range(4)],
+    }
+    now = 0.0
+    remaining = Remaining(units, tmp_path, clock=lambda: now)
+    assert remaining.line("a", 0, 2) is None
+    now = 100.0
+    assert remaining.line("a", 1, 2) == "a: 1 of 2 units; about 8 min left for all."
+    now = 130.0
+    assert remaining.line("a", 2, 2) is None
+    now = 400.0
+    assert remaining.line("b", 2, 4) == "b: 2 of 4 units; about 3 min left for all."
 
 
 def test_unknown_benchmarks_and_studies_are_refused():

@@ -32,6 +32,9 @@ WIDEST_CONCENTRATION = 2.36
 FEWEST_SAMPLES, SHORTEST = 16, 2.0
 #: Error of roll, rad, up to which an error of level enters the heading to first order.
 LARGEST_ROLL_ERROR = 0.1
+#: Tilt that an accelerometer sees of a unit that turned about a level axis, root mean square over the largest angle of
+#: the integrated rate.
+SEEN = 0.1
 #: Share of the sensor's range at which an output counts as saturated.
 SATURATION_SHARE = 0.999
 
@@ -157,11 +160,20 @@ def width_gates(
     ]
 
 
-def motion_gate(excursion: Array, limit: Array) -> Gate:
-    """Attitude change that the method does not model, rad; `error_budget.TURN_LIMITS` says why so much."""
+def motion_gate(excursion: Array, limit: Array, *, tilted: bool | None = None) -> Gate:
+    """Attitude change that the method does not model, rad; `error_budget.TURN_LIMITS` says why so much.
+
+    `tilted` is whether the accelerometer saw a good part of it, None without one.
+    """
+    cause = "Likely the unit turned."
+    if tilted is None:
+        cause = "Likely the unit turned, or the gyro bias drifts."
+    elif not tilted:
+        cause = "The accelerometer did not tilt: likely the gyro bias drifts, or the unit turned about the vertical."
     return Gate(
         "motion",
-        "The unit turned by {value:.2f} deg about its mean attitude; at most {limit:.2f} deg is standing still.",
+        "The integrated rate turns by {value:.2f} deg about the mean attitude; at most {limit:.2f} deg is standing "
+        f"still. {cause}",
         np.degrees(excursion),
         np.degrees(limit),
         np.asarray(excursion > limit),
@@ -262,7 +274,11 @@ def _width(problem: Problem, result: Result) -> list[Gate]:
 def _motion(problem: Problem, result: Result) -> list[Gate]:
     if result.judged is None:
         return []
-    return [motion_gate(problem.motion.sway.excursion, result.judged.turn_limit)]
+    excursion, tilted = problem.motion.sway.excursion, None
+    if problem.accel_b is not None:
+        seen = np.hypot(np.sqrt(np.maximum(problem.motion.sway.tilt_variance, 0)), problem.motion.tilt)
+        tilted = bool(np.any(seen > SEEN * excursion))
+    return [motion_gate(excursion, result.judged.turn_limit, tilted=tilted)]
 
 
 #: What may judge a result; the catalogue's row of a method names those that judge its results, in this order.

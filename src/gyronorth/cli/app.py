@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -39,11 +40,18 @@ class Commands(TyperGroup):
                 shown.epilog = "\n\n".join(["Examples:", *examples])
             shown.params += verbosity
 
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The options of the program itself."""
+        return _without_types(super().get_params(ctx))
+
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of a name, loaded; for a name that there is not, all are, to offer what is near."""
         if cmd_name not in self.commands:
             self._load([module for module, names in MODULES.items() if cmd_name in names] or list(MODULES))
-        return super().get_command(ctx, cmd_name)
+        command: Any = super().get_command(ctx, cmd_name)
+        if command is not None:
+            _without_types(command.get_params(ctx))
+        return command
 
     def _load(self, modules: Sequence[str] = tuple(MODULES)) -> None:
         """Let modules define their commands, and take these up."""
@@ -84,11 +92,28 @@ class Commands(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _near_command(message: str, arguments: list[str]) -> str:
-    """A known command nearly like the one given, where this version of typer does not say so itself."""
+def _without_types(parameters: list[Any]) -> list[Any]:
+    """The parameters, without the `<bool>` that some versions of typer write behind a switch in the help."""
+    for parameter in parameters:
+        if getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+    return parameters
+
+
+def _what_was_meant(message: str, arguments: list[str]) -> str:
+    """What else the words can mean where they name no command: a file, an option, a command that stands further on."""
+    first = arguments[0] if arguments else ""
+    if message.startswith("No such option"):
+        at = next((i for i, word in enumerate(arguments) if word in ABOUT), 0)
+        moved = shlex.join(["gyronorth", arguments[at], *arguments[:at], *arguments[at + 1 :]])
+        return f" Options follow the command. Did you mean: {moved}" if at else ""
     if not message.startswith("No such command") or "Did you mean" in message:
         return ""
-    near = get_close_matches(arguments[0] if arguments else "", ABOUT, n=1)
+    if first in ("help", "version"):
+        return f" Did you mean '--{first}'?"
+    if os.path.exists(first):
+        return f" Did you mean: {shlex.join(['gyronorth', 'heading', *arguments])}"
+    near = get_close_matches(first, ABOUT, n=1)
     return f" Did you mean '{near[0]}'?" if near else ""
 
 
@@ -109,8 +134,8 @@ def _user_error(error: Exception, arguments: list[str]) -> str | None:
         context = getattr(error, "ctx", None)
         hint = f"\nTry '{context.command_path} --help'." if context else ""
         # Some versions let a word of pydantic's through.
-        message = error.format_message().replace("Value error, ", "")  # type: ignore[attr-defined]
-        return message + _near_command(message, arguments) + hint
+        message = error.format_message().replace("Value error, ", "").replace("\n\t", " ")  # type: ignore[attr-defined]
+        return message + _what_was_meant(message, arguments) + hint
     if isinstance(error, InputError):
         # A reader's question ends in the command that would settle it.
         return error.for_command(arguments) if hasattr(error, "for_command") else str(error)  # type: ignore[attr-defined]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import fields
 from enum import StrEnum
 from pathlib import Path
@@ -70,7 +71,8 @@ def benchmark(
     from gyronorth.files import no_empty_folder
     from gyronorth.many.workers import executor_on
     from gyronorth.report.study_figures import write_study_figures
-    from gyronorth.studies.benchmark import run_benchmark, studies_of
+    from gyronorth.studies.benchmark import left_out, run_benchmark, studies_of
+    from gyronorth.studies.expected import Remaining
     from gyronorth.studies.expected import told as told_before
     from gyronorth.studies.source import passed_over_text
     from gyronorth.studies.study import StudyPlan
@@ -98,11 +100,21 @@ def benchmark(
     if name == "paper":
         jobs = [job for one in chosen for job in one.units(plan)]
         typer.echo(told_before(jobs, output, workers), err=True)
+        if others := left_out(name, tuple(study or ())):
+            typer.echo(f"Left out for their cost; --study NAME runs them: {', '.join(others)}.", err=True)
     with (
         no_empty_folder(output),
         executor_on(scheduler, workers=workers) as executor,
-        units_done() as progress,
+        units_done() as display,
     ):
+        remaining = Remaining({one.name: one.units(plan) for one in chosen}, output) if name == "paper" else None
+
+        def progress(of: str, finished: int, total: int) -> None:
+            display(of, finished, total)
+            line = remaining.line(of, finished, total) if remaining and not sys.stderr.isatty() else None
+            if line:
+                typer.echo(line, err=True)
+
         written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
     for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))

@@ -297,12 +297,13 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
     )
     deviation = _deviation(recording, estimate)
     if plot is not None:
-        truth = recording.heading_true
-        figure = figures.heading_figure(convergence, estimate, heading_true=truth, deviation=deviation)
+        truth, name = recording.heading_true, Path(outcome.file).name
+        figure = figures.heading_figure(convergence, estimate, heading_true=truth, deviation=deviation, name=name)
         figures.write(figure, plot)
     if report is not None:
         from gyronorth.report.comparison import opinions
         from gyronorth.report.html import heading_page
+        from gyronorth.report.residual import residual
         from gyronorth.report.spectrum import SHORTEST, spectrum
 
         gyro_b = _longest_pose(recording, estimate)
@@ -313,6 +314,7 @@ def _draw(outcome: Outcome, recording: Recording, request: Request, *, plot: Pat
             inputs=_inputs(outcome.file, recording, request),
             sensor=request.sensor,
             spectrum=spectrum(gyro_b, rate_hz=recording.rate_hz) if len(gyro_b) >= SHORTEST else None,
+            residual=residual(gyro_b, rate_hz=recording.rate_hz) if len(gyro_b) >= SHORTEST else None,
             opinions=opinions(recording, estimate, sensor=request.sensor, attitude=request.attitude),
         )
         write_text(report, page, errors="backslashreplace")  # a file name may be no UTF-8
@@ -405,17 +407,17 @@ def _inputs(file: str, recording: Recording, request: Request) -> list[tuple[str
     inputs.append(("method asked for", request.method))
     if reading.window is not None:
         inputs.append(("window", "{:g} to {:g} s".format(*reading.window)))
-    origin = AXES_ORIGINS[recording.axes_origin]
-    inputs.append(("axes of the file", origin if reading.axes is None else f"{reading.axes}, {origin}"))
-    names = ("gyro_unit", "accel_unit", "variable", "topic", "protocol")
+    inputs.append(("axes of the file", f"{reading.axes or recording.axes}, {AXES_ORIGINS[recording.axes_origin]}"))
+    if recording.units:
+        told = "" if reading.gyro_unit is None and reading.accel_unit is None else ", declared"
+        inputs.append(("units of the file", f"{recording.units}{told}"))
+    names = ("variable", "topic", "protocol")
     declared = [(name, getattr(reading, name)) for name in names]
     inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
     if reading.rate_hz is not None:
         inputs.append(("declared rate", f"{reading.rate_hz:g} Hz"))
     if any(reading.boresight):
         inputs.append(("boresight", ", ".join(f"{degrees(angle):g}°" for angle in reading.boresight)))
-    if reading.increments:
-        inputs.append(("values", "increments per sample"))
     if reading.columns:
         inputs.append(("columns", ", ".join(f"{ours} = {theirs}" for ours, theirs in reading.columns.items())))
     if request.gyro_bias is not None:

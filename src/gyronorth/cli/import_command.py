@@ -97,8 +97,9 @@ def _described(source: Path, options: ReadOptions, *, yes: bool, asks: bool) -> 
 
 def _answers(question: OpenQuestion, *, asks: bool) -> dict[str, str]:
     """Option -> value: as proposed, or as the user says; placeholders can only be answered by the user."""
-    words = question.added
-    proposed = dict(zip(words[::2], words[1::2], strict=True))
+    from gyronorth.readers.asking import in_pairs
+
+    proposed = in_pairs(question.added)
     if not asks:
         if not question.certain or any(value.isupper() for value in proposed.values()):
             raise question
@@ -116,7 +117,10 @@ def _with(options: ReadOptions, answers: dict[str, str]) -> ReadOptions:
     for option, text in answers.items():
         name = option.removeprefix("--").replace("-", "_")
         parser = READING[name][0].__metadata__[0].parser
-        values[names.get(name, name)] = text if parser is None else parser(text)
+        given = text or True  # an option without a value
+        values[names.get(name, name)] = given if parser is None else parser(text)
+    if options.columns and "columns" in values:
+        values["columns"] = {**options.columns, **values["columns"]}
     return replace(options, **values)
 
 

@@ -254,8 +254,8 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
-    "gyro_unit": _declares("UNIT", "deg/s, rad/s, deg/h, mdeg/s, mrad/s or arcsec/s."),
-    "accel_unit": _declares("UNIT", "m/s2, g, mg, ug or cm/s2."),
+    "gyro_unit": _declares("UNIT", "deg/s, rad/s, deg/h, mdeg/s, mrad/s, arcsec/s, urad/s, deg/min or rpm."),
+    "accel_unit": _declares("UNIT", "m/s2, g, mg, ug, cm/s2, mm/s2 or ft/s2."),
     "gyro_scale": _declares("UNITS", "Gyro units per count of the file.", _per_count),
     "accel_scale": _declares("UNITS", "Accelerometer units per count of the file.", _per_count),
     "increments": _declares(

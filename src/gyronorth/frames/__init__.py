@@ -36,7 +36,7 @@ from gyronorth.frames.samples import joined
 from gyronorth.frames.stream import FrameStream as FrameStream
 
 #: Bytes that are decoded at once: the memory that a capture takes does not grow with its length but for its samples.
-PIECE = 1 << 20
+PIECE = 1 << 18
 
 
 def decode(data: bytes, protocol: str | None = None, options: Options | None = None) -> tuple[Samples, Report]:

@@ -90,7 +90,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "vectornav",
         time=True,
         axes="frd",
-        declare="rate, where the output holds no TimeStartup",
+        declare="rate, where the output holds neither TimeStartup nor DeltaTheta",
     ),
     ProtocolInfo(
         "vectornav-ascii",

@@ -14,6 +14,11 @@ NOMINAL_HZ = (
 )  # fmt: skip
 #: A step of the clock that is longer than this, s, is a restart of the clock and no gap.
 LONGEST_GAP_S = 60.0
+#: A step of the clock agrees with the number of samples that the bytes show when it is not further off, in samples.
+AGREES = 0.75
+#: Steps of the clock between whole neighbours that show another rate, the share by which it must differ, and the share
+#: of them that must agree on it.
+WATCHED, OTHER_RATE, ALIKE = 64, 0.1, 0.8
 
 
 def clock_steps(ticks: Index, tick: float, wrap: int | None) -> Array:
@@ -47,6 +52,19 @@ def rate_of_clock(fields: Fields) -> float | None:
         counted = np.maximum(np.round(steps / usual), 1)
     rate, residual = counted.sum() / steps.sum(), np.abs(steps - usual * counted).max()
     spread = 2 * (residual + fields.tick) / steps.sum() + 1e-6
+    return _nominal(rate, spread)
+
+
+def rate_of_spans(fields: Fields) -> float | None:
+    """Sample rate, Hz, by the times over which the increments of the first frames were taken; None for none."""
+    if fields.span is None:
+        return None
+    good = fields.span[np.isfinite(fields.span) & (fields.span > 0)]
+    return _nominal(float(1 / np.median(good)), 1e-3) if len(good) else None
+
+
+def _nominal(rate: float, spread: float) -> float:
+    """The nominal rate that is within a share of a measured one, else that."""
     nominal = min(NOMINAL_HZ, key=lambda value: abs(value / rate - 1))
     return float(nominal) if abs(nominal / rate - 1) <= spread else float(rate)
 
@@ -61,56 +79,129 @@ def stride_of(fields: Fields) -> int | None:
 
 
 class Numbering:
-    """Numbers the samples of a stream, the lost ones too, and keeps the state between its pieces."""
+    """Numbers the samples of a stream, the lost ones too, and keeps the state between its pieces.
 
-    def __init__(self, interval: float | None, stride: int | None, frame_length: float, *, clock: bool) -> None:
-        self._interval, self._stride, self._frame_length = interval, stride, frame_length
-        self._clock = clock
+    Parameters
+    ----------
+    interval : float or None
+        Between samples, s.
+    stride : int or None
+        By how much the sequence counter usually moves.
+    clock : bool
+        Whether the unit sends its time.
+    """
+
+    def __init__(self, interval: float | None, stride: int | None, *, clock: bool) -> None:
+        self.stride = stride
+        self._interval, self._clock = interval, clock
         self._ticks: int | None = None
         self._counter = 0
         self._number = -1
-        self._elapsed = 0  # ticks since the first sample
+        self._elapsed = 0.0  # s since the first sample
+        self._anew = False  # the next sample follows a jump
+        self._steps = np.empty(0)  # the last steps of the clock between whole neighbours, in samples
         self.jumps = 0
         self.lost = 0
+
+    def go_on(self, before: Numbering) -> None:
+        """Number on behind another one, after a jump: how long it was is not known."""
+        self._number, self._elapsed = before._number, before._elapsed
+        self.jumps, self.lost = before.jumps, before.lost
+        self._anew = True
 
     @property
     def lost_from(self) -> str:
         """How lost samples are known."""
-        if self._stride is not None:
+        if self.stride is not None:
             return "counter"
         return "clock" if self._clock and self._interval is not None else "bytes"
 
-    def number(self, fields: Fields, skipped: Index) -> tuple[Index, Array | None, Mask]:
-        """Numbers (n,), times (n,), s from the first sample, and where the clock was set anew.
+    def other_rate(self, fields: Fields, shown: Index) -> int | None:
+        """The sample from which on the clock shows another rate; None for none. To be asked before they are numbered.
 
-        `skipped` bytes lie before each frame.
+        Frames that the counter shows to be lost do not make a rate slower.
+        """
+        if self._interval is None or not self._clock or fields.ticks is None:
+            return None
+        before = self._ticks if self._ticks is not None else int(fields.ticks[0])
+        seconds = clock_steps(np.concatenate(([before], fields.ticks)), fields.tick, fields.tick_wrap)
+        whole = np.isfinite(seconds) & (shown == 1)
+        if self._ticks is None:
+            whole[0] = False
+        if self.stride is not None and fields.counter is not None:
+            whole &= np.diff(fields.counter, prepend=self._counter) % fields.counter_wrap == self.stride
+        steps = np.concatenate((self._steps, seconds[whole] / self._interval))
+        places = np.concatenate((np.full(len(self._steps), 0), np.flatnonzero(whole)))
+        self._steps = steps[-WATCHED:]
+        if len(steps) < WATCHED:
+            return None
+        blur = fields.tick / self._interval
+        if blur >= 1:  # a tick or two for several samples: too coarse to tell loss from rate
+            return None
+        mean = np.convolve(steps, np.full(WATCHED, 1 / WATCHED), "valid")
+        for window in np.flatnonzero(np.abs(mean - 1) > OTHER_RATE)[:: WATCHED // 4].tolist():
+            seen = steps[window : window + WATCHED]
+            near = np.abs(seen - np.median(seen)) <= OTHER_RATE * np.median(seen) + blur
+            if near.mean() < ALIKE:
+                continue
+            usual = float(seen[near].mean())  # without those behind lost samples
+            if abs(usual - 1) > OTHER_RATE + blur / WATCHED:
+                self._steps = np.empty(0)
+                off = np.abs(steps - 1) > np.abs(steps - usual)
+                begin = window + int(np.argmax(off[window:]))
+                before = np.flatnonzero(~off[:begin])
+                place = int(places[before[-1] + 1 if len(before) else 0])
+                return place - 1 if place > 0 and np.isnan(seconds[place - 1]) else place
+        return None
+
+    def number(self, fields: Fields, shown: Index, restarted: Mask | None = None) -> tuple[Index, Array | None, Mask]:
+        """Numbers (n,), times (n,), s from the first sample, and where it is not known how long the step was.
+
+        The bytes show each to follow the one before by `shown` samples; before `restarted` ones the unit told that it
+        started.
         """
         n, first = len(fields.gyro), self._number < 0
-        expected = 1 + skipped // self._frame_length
+        expected = shown.astype(float)
         seconds, jumped = np.full(n, np.nan), np.zeros(n, bool)
         if self._clock and fields.ticks is not None:
             before = int(fields.ticks[0]) if self._ticks is None else self._ticks
             seconds = clock_steps(np.concatenate(([before], fields.ticks)), fields.tick, fields.tick_wrap)
             self._ticks = int(fields.ticks[-1])
+            if self._anew:
+                seconds[0] = np.nan
             jumped = np.isnan(seconds)
-            self.jumps += int(jumped.sum())
             if self._interval is not None:
-                by_clock = np.round(seconds / self._interval)
-                expected = np.where(np.isnan(seconds), expected, by_clock)
-        steps = np.maximum(expected, 1)
-        if self._stride is not None and fields.counter is not None:
+                by_clock = seconds / self._interval
+                with np.errstate(invalid="ignore"):
+                    agrees = np.abs(by_clock - expected) <= AGREES + (
+                        fields.tick / self._interval if fields.tick > self._interval / 4 else 0.0
+                    )
+                expected = np.where(jumped | agrees, expected, np.round(by_clock))
+        elif self._anew:
+            jumped[0] = True
+        self.jumps += int(jumped.sum())
+        steps = by_bytes = np.maximum(expected, 1)
+        if self.stride is not None and fields.counter is not None:
             moves = np.diff(fields.counter, prepend=self._counter) % fields.counter_wrap
-            turn = fields.counter_wrap / self._stride
-            base = moves / self._stride
+            turn = fields.counter_wrap / self.stride
+            base = moves / self.stride
             base = np.where(base == 0, np.where(expected < turn / 2, 1, turn), base)  # the same number: sent twice
             steps = np.round(base + turn * np.maximum(np.round((expected - base) / turn), 0))
+            broken = jumped if restarted is None else jumped | restarted
+            goes_on = np.asarray(steps == by_bytes)  # a unit that started anew, or only its clock was set
+            if self._anew:
+                goes_on[0] = False
+            if first:
+                goes_on[0] = True
+            jumped = broken & ~goes_on
+            steps = np.where(jumped, by_bytes, steps)
             self._counter = int(fields.counter[-1])
         steps = steps.astype(np.int64)
         if first:
             steps[0] = 1
         numbers = self._number + np.cumsum(steps)
         self.lost += int(steps.sum()) - n
-        self._number = int(numbers[-1])
+        self._number, self._anew = int(numbers[-1]), False
         return numbers, self._times(fields, seconds, steps, first), jumped
 
     def _times(self, fields: Fields, seconds: Array, steps: Index, first: bool) -> Array | None:
@@ -121,6 +212,6 @@ class Numbering:
         ticks = np.round(spans / fields.tick).astype(np.int64)
         if first:
             ticks[0] = 0
-        elapsed = self._elapsed + np.cumsum(ticks)
-        self._elapsed = int(elapsed[-1])
+        elapsed = np.cumsum(ticks) + round(self._elapsed / fields.tick)
+        self._elapsed = float(elapsed[-1]) * fields.tick
         return elapsed.astype(float) * fields.tick

@@ -15,6 +15,13 @@ from gyronorth.arrays import Index
 from gyronorth.frames.protocol import Bytes, Protocol
 
 
+def windows(data: Bytes, starts: Index, size: int) -> Bytes:
+    """Copies of `size` bytes from each of `starts`, (k, size)."""
+    if not len(starts):
+        return np.empty((0, size), np.uint8)
+    return np.lib.stride_tricks.sliding_window_view(data, size)[starts]
+
+
 @dataclass(frozen=True)
 class Frames:
     """Whole frames in their order."""
@@ -32,7 +39,16 @@ class Frames:
         """The frames `index`, all of one length, shape (k, length)."""
         first = np.cumsum(self.length) - self.length
         size = int(self.length[index[0]]) if len(index) else 0
-        return self.data[first[index][:, None] + np.arange(size)]
+        return windows(self.data, first[index], size)
+
+    def lines(self, index: Index) -> Bytes:
+        """The frames `index`, of any lengths, with commas in front where they are shorter than the longest."""
+        length = self.length[index]
+        size = int(length.max(initial=0))
+        end = np.cumsum(self.length)[index]
+        rows = windows(np.concatenate((np.full(size, ord(","), np.uint8), self.data)), end, size)
+        rows[np.arange(size) < (size - length)[:, None]] = ord(",")
+        return rows
 
 
 def joined(parts: list[Frames]) -> Frames:
@@ -95,12 +111,12 @@ class Framer:
             index = np.flatnonzero(open_ & (length == size))
             if not len(index):
                 continue
-            rows = data[start[index][:, None] + np.arange(size)]
+            rows = windows(data, start[index], size)
             good = self._protocol.whole(rows)
             whole[index] = good
             if good.any():
                 layout[index[good]] = self._protocol.layouts(rows[good])
-                if size == self._usual:  # what begins inside such a frame is none
+                if size == self._usual and not self._protocol.weak:  # what begins inside such a frame is none
                     first = start[index[good]]
                     last = first[np.maximum(np.searchsorted(first, start, side="right") - 1, 0)]
                     open_ &= (start <= last) | (start >= last + size)
@@ -111,35 +127,51 @@ class Framer:
     ) -> tuple[Index, int]:
         """Indices of the accepted frames, and up to which byte all is decided."""
         matters = np.flatnonzero(whole | ~complete)
+        first, good = start[matters].tolist(), whole[matters].tolist()
+        ends = (start[matters] + length[matters]).tolist()
         end, taken = 0, []
-        for i, first, size, good in zip(
-            matters.tolist(), start[matters].tolist(), length[matters].tolist(), whole[matters].tolist(), strict=True
-        ):
-            if first < end:
+        for i, place in enumerate(matters.tolist()):
+            if first[i] < end:
                 continue
-            if not good:
-                if last:
+            rival = self._rival(i, first, ends) if self._protocol.weak and good[i] else None
+            if not good[i] or (rival is not None and not good[rival]):
+                if last and not good[i]:
                     continue
-                return np.array(taken, np.int64), first
-            taken.append(i)
-            end = first + size
+                if not last:
+                    return np.array(taken, np.int64), first[i]
+            elif rival is not None:
+                continue
+            taken.append(place)
+            end = ends[i]
         decided = len(data) if last else max(end, len(data) - self._protocol.head + 1)
         return np.array(taken, np.int64), decided
 
+    @staticmethod
+    def _rival(i: int, first: list[int], ends: list[int]) -> int | None:
+        """The first frame that begins in the frame i, by two bytes at least, and ends behind it."""
+        for k in range(i + 1, len(first)):
+            if first[k] > ends[i] - 2:
+                return None
+            if ends[k] > ends[i]:
+                return k
+        return None
+
     def _frames(self, data: Bytes, start: Index, length: Index, layout: Index, decided: int) -> Frames:
-        edge = np.zeros(decided + 1, np.int8)
-        edge[start] += 1
-        edge[start + length] -= 1
-        inside = np.cumsum(edge[:-1], dtype=np.int8).astype(bool)
-        outside = ~inside
+        end = start + length
+        before = start - np.append(0, end[:-1]) if len(start) else start
+        behind = decided - int(end[-1]) if len(start) else decided
         if self._protocol.line_ends:
-            outside &= (data[:decided] != 13) & (data[:decided] != 10)
-        count = np.concatenate(([0], np.cumsum(outside)))
-        before = np.diff(count[start], prepend=0)
+            ends = np.flatnonzero((data[:decided] == 13) | (data[:decided] == 10))
+            count = np.searchsorted(ends, np.append(start, decided)) - np.searchsorted(ends, np.append(0, end))
+            before, behind = before - count[:-1], behind - int(count[-1])
+        self.skipped += int(before.sum()) + behind
         if len(start):
             before[0] += self._since_frame
-            self._since_frame = int(count[-1] - count[start[-1]])
+            self._since_frame = behind
         else:
-            self._since_frame += int(count[-1])
-        self.skipped += int(count[-1])
+            self._since_frame += behind
+        edge = np.zeros(decided + 1, np.int8)
+        edge[start] += 1
+        edge[end] -= 1
+        inside = np.cumsum(edge[:-1], dtype=np.int8).astype(bool)
         return Frames(data[:decided][inside], length, start + self._offset, layout, before)

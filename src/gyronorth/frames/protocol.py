@@ -53,6 +53,7 @@ class Fields:
     ticks: Index | None = None  # (n,) the unit's clock
     tick: float = 1.0  # s of one tick
     tick_wrap: int | None = None  # value at which the clock starts again from 0
+    span: Array | None = None  # (n,) s over which increments were taken that the frames hold as rates here
     counter: Index | None = None  # (n,)
     counter_wrap: int = 1
     saturated: Mask | None = None  # (n,)
@@ -89,11 +90,20 @@ class Protocol:
     layouts: Callable[[Bytes], Index]
     #: The numbers of frames of one layout and length.
     fields: Callable[[Bytes, int], Fields]
+    #: What of a layout is read, as bits of it: a frame whose layout has all of them is read like it, whatever else it
+    #: holds. None: only frames of the very layout are.
+    reads: Callable[[int], int] | None = None
     #: Order among layouts of one stream: the smallest is taken.
     rank: Callable[[int], int] = lambda _layout: 0
     scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent
     #: What the frames at the start tell beyond what is stated: units, ranges.
     infer: Callable[[Fields, Scale, Options, float | None], tuple[Scale, tuple[Finding, ...]]] = nothing_to_infer
+    #: The checksum is so short that a cut frame and the begin of the next one pass for a whole frame too often: one in
+    #: which another whole one begins that ends later is none.
+    weak: bool = False
+    #: Whether frames of a layout are lines whose fields are counted from the end: `fields` takes those of all lengths
+    #: at once, with commas in front.
+    lines: Callable[[int], bool] = lambda _layout: False
     #: CR and LF between frames belong to them.
     line_ends: bool = False
 

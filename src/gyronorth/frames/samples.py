@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class Samples:
     sensor_fault: Mask  # (n,) the unit says that an output is not to be trusted
     temperature: Array | None  # (n,) degC
     start: Index  # (n,) byte at which the frame began in the stream
-    jumped: Mask  # (n,) the unit's clock was set anew before this sample: how long it was is not known
+    jumped: Mask  # (n,) before this sample the unit or its clock was set anew: how long it was is not known
 
     def __len__(self) -> int:
         return len(self.gyro)
@@ -45,9 +46,17 @@ def joined(parts: list[Samples]) -> Samples:
 
     def join(name: str) -> np.ndarray | None:
         arrays = [getattr(part, name) for part in parts]
-        return None if arrays[0] is None else np.concatenate(arrays)
+        return None if any(array is None for array in arrays) else np.concatenate(arrays)
 
     return Samples(*(join(name) for name in Samples.__dataclass_fields__))  # type: ignore[arg-type]
+
+
+class Kind(NamedTuple):
+    """What one setting of a unit sends."""
+
+    rate_hz: float | None
+    clock: bool
+    accel: bool
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,7 @@ class Report:
     protocol: str
     axes: str | None  # where x, y and z of the data point, as `--axes`; None: as marked on the unit
     rate_hz: float | None  # sample rate, Hz
-    rate_from: str  # "unit's clock", "configuration", "declared", "usual for the unit" or ""
+    rate_from: str  # "unit's clock", "its increments", "configuration", "declared", "usual for the unit" or ""
     clock: str  # what `Samples.t` is: "unit's clock", "counted" or ""
     imu: str | None  # name of the IMU, where the frames tell it
     profile: str | None  # name of the shipped sensor profile that fits it
@@ -68,6 +77,8 @@ class Report:
     lost_from: str  # how they are known: "counter", "clock" or "bytes"
     skipped: int  # bytes that belong to no whole frame
     clock_jumps: int  # times the unit's clock jumped
+    settings: int  # times the unit was found to be set anew: its layout, its rate
+    kinds: tuple[Kind, ...]  # what came, in order, where the unit was set anew to something else
     saturated: int  # samples that the unit marks so
     sensor_fault: int
     findings: tuple[Finding, ...]  # assumptions and conflicts

@@ -11,14 +11,19 @@ from gyronorth.arrays import Array, Index, Mask
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.frames.catalogue import protocol_info
-from gyronorth.frames.clock import Numbering, rate_of_clock, stride_of
+from gyronorth.frames.clock import Numbering, rate_of_clock, rate_of_spans, stride_of
 from gyronorth.frames.framing import Framer, Frames, joined, split
+from gyronorth.frames.merging import first_of, merged
 from gyronorth.frames.protocol import Bytes, Fields, Options, Scale
 from gyronorth.frames.registry import protocol_of
-from gyronorth.frames.samples import Report, Samples
+from gyronorth.frames.samples import Kind, Report, Samples
+from gyronorth.frames.samples import joined as samples_joined
+from gyronorth.frames.spacing import Spacing
 
 #: Frames that are looked at before the first sample is given: they tell the layout, the rate and the ranges.
 HELD = 64
+#: Settings of the unit that are remembered.
+KINDS = 8
 #: Frames of one layout that must be there before it is taken: a false frame comes alone.
 CONFIRMED = 3
 #: Rates differ, where they are told twice, by more than this share.
@@ -33,9 +38,10 @@ _CHANGED = Finding(
 )
 
 
+_RATE = "The unit sends at another rate than before, as {} shows; this one is taken from there on."
 _OTHER_LAYOUT = Finding(
     "layout_changed",
-    f"The unit has sent {HELD} frames of inertial data in another layout than at the start. Start anew.",
+    "The unit sends its inertial data in another layout than before; this one is taken from there on.",
 )
 
 
@@ -73,6 +79,12 @@ class FrameStream:
         self._numbering: Numbering | None = None
         self._findings: tuple[Finding, ...] = ()
         self._strange = 0  # frames with data of other layouts since the last one of ours
+        self._told = 0  # configurations that the settled layout, scale and rate rest on
+        self._spacing = Spacing()
+        self._zero = self._latest = (0, 0.0)  # a sample and its time, s: from it on samples are counted; the latest one
+        self._settings = 0
+        self.changed_at = 0  # byte of the stream from which on the latest setting holds
+        self._kinds: tuple[Kind, ...] = ()
         self._samples = self._other = self._unusable = self._saturated = self._fault = 0
 
     def feed(self, piece: bytes) -> Samples | None:
@@ -89,9 +101,14 @@ class FrameStream:
         return tuple(fact.tobytes() for fact in self._facts[-1:])
 
     @property
-    def tail(self) -> bytes:
-        """Bytes of which it is not decided yet whether they are a frame."""
-        return self._framer.tail
+    def undecided(self) -> int:
+        """Bytes at the end of which it is not decided yet whether they are a frame."""
+        return len(self._framer.tail)
+
+    @property
+    def pending(self) -> bytes:
+        """Bytes of which it is not decided yet what they are: a stream that begins with them goes on as this one."""
+        return b"".join(frames.data.tobytes() for frames in self._held) + self._framer.tail
 
     @property
     def report(self) -> Report:
@@ -112,22 +129,88 @@ class FrameStream:
             lost_from=numbering.lost_from if numbering else "",
             skipped=self._framer.skipped,
             clock_jumps=numbering.jumps if numbering else 0,
+            settings=self._settings,
+            kinds=self._kinds,
             saturated=self._saturated,
             sensor_fault=self._fault,
             findings=self._findings,
         )
 
     def _take(self, frames: Frames, *, last: bool) -> Samples | None:
-        if self._layout is None:
-            self._held.append(frames)
-            self._data_held += int((frames.layout >= 0).sum())
-            if self._data_held < HELD and not last:
-                return None
-            frames, self._held = joined(self._held), []
-            if not self._settle(frames):
-                self._other += len(frames)
-                return None
-        return self._decode(frames)
+        parts: list[Samples] = []
+        rest: Frames | None = frames
+        while rest is not None:
+            if self._layout is None:
+                self._held.append(rest)
+                self._data_held += int((rest.layout >= 0).sum())
+                if self._data_held < HELD and not last:
+                    break
+                rest, self._held, self._data_held = joined(self._held), [], 0
+                if not self._settle(rest):
+                    self._other += len(rest)
+                    break
+            samples, rest = self._up_to_change(rest)
+            parts += [] if samples is None else [samples]
+        return samples_joined(parts) if parts else None
+
+    def _up_to_change(self, frames: Frames) -> tuple[Samples | None, Frames | None]:
+        """Samples up to where the unit was set anew, and the frames from there on, for which all is settled anew."""
+        assert self._numbering is not None
+        index = np.flatnonzero(self._ours(frames))
+        fields = self._fields(frames, index) if len(index) else None
+        shown, restarted = self._spacing.shown(frames, index)
+        change = self._change(frames, index, fields, shown)
+        if change is None:
+            return self._decode(frames, index, fields, shown, restarted), None
+        before, after = split(frames, change)
+        count = int(np.searchsorted(index, change))
+        kept = first_of(fields, count) if fields is not None and count else None
+        samples = self._decode(before, index[:count], kept, shown[:count], restarted[:count])
+        self._layout, self._strange = None, 0
+        self._settings += 1
+        self.changed_at = int(after.start[0])
+        return samples, after
+
+    def _change(self, frames: Frames, index: Index, fields: Fields | None, shown: Index) -> int | None:
+        """The first frame of a unit set anew: another rate, by its configuration or its clock, or another layout."""
+        assert self._numbering is not None
+        facts, self._told = np.flatnonzero(frames.layout < -1)[self._told :], 0
+        for place in facts.tolist():
+            if self._is_new(frames.rows(np.array([place]))) and self._other_rate(frames, place):
+                self._tell(Finding("rate_changed", _RATE.format("its configuration")))
+                return place
+        if fields is not None:
+            place = self._numbering.other_rate(fields, shown)
+            if place is not None:
+                self._tell(Finding("rate_changed", _RATE.format("its clock")))
+                return int(index[place])
+        data = frames.layout >= 0
+        self._strange = int(data[index[-1] + 1 :].sum()) if len(index) else self._strange + int(data.sum())
+        if self._strange < HELD:
+            return None
+        self._tell(_OTHER_LAYOUT)
+        return int(index[-1]) + 1 if len(index) else 0
+
+    def _is_new(self, fact: Bytes) -> bool:
+        return not (self._facts and np.array_equal(fact, self._facts[-1]))
+
+    def _other_rate(self, frames: Frames, place: int) -> bool:
+        """Whether the configuration at `place` states another rate than the one taken."""
+        assert self._layout is not None
+        stated = self._protocol.scale(self._layout, [frames.rows(np.array([place]))], self._options).rate_hz
+        return bool(stated and self._rate and abs(stated / self._rate - 1) > RATE_CONFLICT)
+
+    def _tell(self, finding: Finding) -> None:
+        """Say it once, however often it comes."""
+        if finding not in self._findings:
+            self._findings += (finding,)
+
+    def _ours(self, frames: Frames) -> Mask:
+        """Which frames are read."""
+        assert self._layout is not None
+        if self._protocol.reads is None:
+            return np.asarray(frames.layout == self._layout)
+        return np.asarray((frames.layout >= 0) & (frames.layout & self._layout == self._layout))
 
     def _settle(self, frames: Frames) -> bool:
         """Take a layout, its scale and its rate by the first `HELD` frames with data; False if there is none."""
@@ -142,33 +225,45 @@ class FrameStream:
         ]
         if not confirmed:
             return False
-        self._layout = layout = min(confirmed)[2]
-        for i in np.flatnonzero(first.layout < -1).tolist():
-            self._facts.append(first.rows(np.array([i])))
-        index = np.flatnonzero(first.layout == self._layout)
+        layout = min(confirmed)[2]
+        self._layout = layout = layout if self._protocol.reads is None else self._protocol.reads(layout)
+        stated = np.flatnonzero(first.layout < -1)
+        self._told = len(stated)
+        if len(stated):
+            self._facts = [first.rows(stated[-1:])]
+        index = np.flatnonzero(self._ours(first))
         fields = self._fields(first, index)
         self._scale = self._protocol.scale(layout, self._facts, self._options)
-        self._choose_rate(rate_of_clock(fields))
+        self._choose_rate(rate_of_clock(fields), rate_of_spans(fields))
         self._scale, findings = self._protocol.infer(fields, self._scale, self._options, self._rate)
-        self._findings += findings
+        for finding in findings:
+            self._tell(finding)
         if self._rate is None and self._needs_rate():
             raise InputError(
                 f"The {self._info.title} stream holds increments per sample and no time; their rate is not known. "
                 "Pass --rate HZ, the rate to which the unit is set."
             )
         self._has_clock = fields.ticks is not None
-        interval = None if self._rate is None else 1 / self._rate
+        kind = Kind(self._rate, self._has_clock, fields.accel is not None)
+        if self._kinds[-1:] != (kind,):
+            self._kinds = (*self._kinds, kind)[-KINDS:]
+        before = self._numbering
         self._numbering = Numbering(
-            interval, stride_of(fields), float(first.length[index].mean()), clock=self._has_clock
+            None if self._rate is None else 1 / self._rate, stride_of(fields), clock=self._has_clock
         )
+        if before is not None:
+            self._numbering.go_on(before)
+            self._zero = self._latest
+        self._spacing.settle(first, index)
         return True
 
     def _needs_rate(self) -> bool:
         return self._scale.gyro_increments or self._scale.accel_increments
 
-    def _choose_rate(self, measured: float | None) -> None:
+    def _choose_rate(self, measured: float | None, of_spans: float | None) -> None:
         told = (
             (measured, "unit's clock"),
+            (of_spans, "its increments"),
             (self._scale.rate_hz, "configuration"),
             (self._options.rate_hz, "declared"),
             (self._scale.usual_rate_hz or self._info.usual_rate_hz, "usual for the unit"),
@@ -180,61 +275,57 @@ class FrameStream:
         for rate, source in known[1:]:
             usual_only = self._rate_from == "declared"  # what is usual says nothing against a declaration
             if not usual_only and abs(rate / self._rate - 1) > RATE_CONFLICT:
-                self._findings += (
-                    Finding(
-                        "rate_conflict",
-                        f"The rate is {self._rate:g} Hz ({self._rate_from}), but {rate:g} Hz ({source}); "
-                        f"{self._rate:g} Hz is taken.",
-                        value=self._rate,
-                        limit=rate,
-                    ),
+                message = (
+                    f"The rate is {self._rate:g} Hz ({self._rate_from}), but {rate:g} Hz ({source}); "
+                    f"{self._rate:g} Hz is taken."
                 )
+                self._tell(Finding("rate_conflict", message, value=self._rate, limit=rate))
 
-    def _decode(self, frames: Frames) -> Samples | None:
-        """Samples of frames after the layout is settled; a configuration among them changes the scale from there."""
-        index = np.flatnonzero(frames.layout == self._layout)
+    def _decode(
+        self, frames: Frames, index: Index, fields: Fields | None, shown: Index, restarted: Mask
+    ) -> Samples | None:
+        """Samples of the frames `index`; a configuration among the frames changes the scale from there."""
         self._other += len(frames) - len(index)
-        self._watch(frames.layout)
-        if not len(index):
-            return None
-        fields = self._fields(frames, index)
-        gyro, accel = self._scaled(fields)
-        changes = np.flatnonzero(frames.layout < -1)
-        for change in changes.tolist():
-            facts = [frames.rows(np.array([change]))]
-            if self._facts and np.array_equal(facts[0], self._facts[-1]):
+        gyro, accel = (np.zeros((0, 3)), None) if fields is None else self._scaled(fields)
+        for change in np.flatnonzero(frames.layout < -1).tolist():
+            fact = frames.rows(np.array([change]))
+            if not self._is_new(fact):
                 continue
-            self._facts.append(facts[0])
+            self._facts = [fact]
             assert self._layout is not None
-            self._findings += (_CHANGED,)
-            self._scale = replace(self._protocol.scale(self._layout, facts, self._options), profile=self._scale.profile)
-            after = index > change
-            new_gyro, new_accel = self._scaled(fields)
-            gyro[after] = new_gyro[after]
-            if accel is not None and new_accel is not None:
-                accel[after] = new_accel[after]
+            self._tell(_CHANGED)
+            scale = self._protocol.scale(self._layout, self._facts, self._options)
+            self._scale = replace(scale, profile=self._scale.profile)
+            if fields is not None:
+                after = index > change
+                new_gyro, new_accel = self._scaled(fields)
+                gyro[after] = new_gyro[after]
+                if accel is not None and new_accel is not None:
+                    accel[after] = new_accel[after]
+        if fields is None:
+            return None
         usable = _usable(fields, gyro, accel)
         self._unusable += int((~usable).sum())
-        if not usable.any():
-            return None
-        return self._samples_of(fields, gyro, accel, frames, index, usable)
-
-    def _watch(self, layout: Index) -> None:
-        """Tell it where only other layouts come for a while: the unit was set anew."""
-        ours = np.flatnonzero(layout == self._layout)
-        data = layout >= 0
-        since = int(data[ours[-1] + 1 :].sum()) if len(ours) else self._strange + int(data.sum())
-        if self._strange < HELD <= since:
-            self._findings += (_OTHER_LAYOUT,)
-        self._strange = since
+        return self._samples_of(fields, gyro, accel, frames.start[index], usable, shown, restarted)
 
     def _samples_of(
-        self, fields: Fields, gyro: Array, accel: Array | None, frames: Frames, index: Index, usable: Mask
-    ) -> Samples:
+        self,
+        fields: Fields,
+        gyro: Array,
+        accel: Array | None,
+        start: Index,
+        usable: Mask,
+        shown: Index,
+        restarted: Mask,
+    ) -> Samples | None:
         assert self._numbering is not None
-        number, t, jumped = self._numbering.number(fields, frames.skipped[index])
+        number, t, jumped = self._numbering.number(fields, shown, restarted)
         if t is None and self._rate is not None:
-            t = number / self._rate
+            t = self._zero[1] + (number - self._zero[0]) / self._rate
+            self._latest = (int(number[-1]), float(t[-1]))
+        jumped = _to_next(jumped, usable)
+        if not usable.any():
+            return None
         none = np.zeros(len(gyro), bool)
         saturated = none if fields.saturated is None else fields.saturated
         fault = none if fields.fault is None else fields.fault
@@ -249,7 +340,7 @@ class FrameStream:
             saturated=saturated[usable],
             sensor_fault=fault[usable],
             temperature=None if fields.temperature is None else fields.temperature[usable],
-            start=frames.start[index][usable],
+            start=start[usable],
             jumped=jumped[usable],
         )
 
@@ -263,33 +354,32 @@ class FrameStream:
             return gyro, fields.accel * (scale.accel * (rate if scale.accel_increments else 1.0))
 
     def _fields(self, frames: Frames, index: Index) -> Fields:
-        """Fields of the frames `index`, which may be of several lengths."""
+        """Fields of the frames `index`, which may be of several lengths and, where these are read alike, layouts."""
         assert self._layout is not None
-        lengths = frames.length[index]
-        sizes = np.unique(lengths).tolist()
-        if len(sizes) == 1:
-            return self._protocol.fields(frames.rows(index), self._layout)
-        groups = [np.flatnonzero(lengths == size) for size in sizes]
+        if self._protocol.lines(self._layout):
+            return self._protocol.fields(frames.lines(index), self._layout)
+        kinds = frames.length[index]
+        if self._protocol.reads is not None:
+            _, which = np.unique(frames.layout[index], return_inverse=True)
+            kinds = kinds + (int(kinds.max()) + 1) * which
+        values = np.unique(kinds).tolist()
+        groups = [np.flatnonzero(kinds == value) for value in values]
         parts = [self._protocol.fields(frames.rows(index[group]), self._layout) for group in groups]
-        return _merged(parts, np.concatenate(groups))
-
-
-def _merged(parts: Sequence[Fields], order: Index) -> Fields:
-    """Fields of several groups of frames, whose members stood at `order`."""
-    back = np.argsort(order)
-
-    def merge(name: str) -> np.ndarray | None:
-        arrays = [getattr(part, name) for part in parts]
-        return None if any(array is None for array in arrays) else np.concatenate(arrays)[back]
-
-    names = ("gyro", "accel", "ticks", "counter", "saturated", "fault", "temperature", "usable")
-    return replace(parts[0], **{name: merge(name) for name in names})
+        return merged(parts, np.concatenate(groups)) if len(parts) > 1 else parts[0]
 
 
 def _usable(fields: Fields, gyro: Array, accel: Array | None) -> Mask:
     usable = np.asarray((np.abs(gyro) < LARGEST_RATE).all(axis=1))
     if accel is not None:
         usable &= (np.abs(accel) < LARGEST_FORCE).all(axis=1)
-    if fields.temperature is not None:
-        usable &= np.isfinite(fields.temperature)
     return usable if fields.usable is None else usable & fields.usable
+
+
+def _to_next(jumped: Mask, usable: Mask) -> Mask:
+    """A jump before a sample that is left out is one before the next."""
+    moved = jumped.copy()
+    for place in np.flatnonzero(jumped & ~usable).tolist():
+        following = np.flatnonzero(usable[place:])
+        if len(following):
+            moved[place + following[0]] = True
+    return moved

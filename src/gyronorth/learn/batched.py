@@ -7,16 +7,19 @@ that one product serves all. Every network runs through all epochs, and three of
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from gyronorth.learn.recurrent import BiLSTM
 from gyronorth.learn.regressor import HeadingNetwork, heading_deg
 from gyronorth.learn.settings import Settings
-from gyronorth.learn.stages import Parts, heading_generator, new_heading
+from gyronorth.learn.stages import Parts, TrainedDenoiser, heading_generator, new_heading
 from gyronorth.learn.training import decay, torch_threads
 
 #: What chooses the epoch: the validation part, with early stopping as `training.fit` does; the test part, of all
@@ -31,6 +34,25 @@ class Choice:
     best: Tensor  # (g,) lowest CRMSE, deg
     epoch: Tensor  # (g,) counted from 1
     test: Tensor  # (g, n, outputs) raw output for the test recordings
+
+
+@dataclass(frozen=True)
+class RememberingDenoiser(TrainedDenoiser):
+    """A denoiser that cleans no recording twice: the copies of a recording are the same in every split.
+
+    In the flattened layout, which is all that is trained here, what it makes of a recording depends on that
+    recording alone.
+    """
+
+    known: dict[bytes, NDArray[np.float64]] = field(default_factory=dict)
+
+    def clean(self, gyro_l: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Denoised angular rate (n, samples, 3), rad/s."""
+        keys = [hashlib.sha256(np.ascontiguousarray(one).tobytes()).digest() for one in gyro_l]
+        new = {key: row for row, key in enumerate(keys) if key not in self.known}
+        if new:
+            self.known.update(zip(new, super().clean(gyro_l[list(new.values())]), strict=True))
+        return np.stack([self.known[key] for key in keys])
 
 
 @dataclass
@@ -95,16 +117,16 @@ def forward(weights: Sequence[Tensor], x: Tensor, p: float = 0.0, generators: Se
     *layers, head, head_bias = weights
     h = x
     for weight, bias, more in zip(layers[::3], layers[1::3], layers[2::3], strict=True):
-        opening, output, cell = torch.baddbmm(bias + more, h, weight.mT).chunk(3, dim=2)
+        opening, output, cell = torch.baddbmm(bias + more, h, weight).chunk(3, dim=2)
         h = torch.sigmoid(output) * torch.tanh(torch.sigmoid(opening) * torch.tanh(cell))
         if generators and p > 0:
             keep = torch.stack([torch.rand(h.shape[1:], generator=g) for g in generators]) >= p
             h = h * keep / (1 - p)
-    return torch.baddbmm(head_bias, h, head.mT)
+    return torch.baddbmm(head_bias, h, head)
 
 
 def _stacked(networks: Sequence[HeadingNetwork]) -> list[Tensor]:
-    """Weights (g, outputs, inputs) and biases (g, 1, outputs) of every layer, the gates as `BiLSTM` orders them.
+    """Weights (g, inputs, outputs) and biases (g, 1, outputs) of every layer, the gates as `BiLSTM` orders them.
 
     An LSTM has two biases that are added; the optimiser moves each, so that both are kept.
     """
@@ -114,8 +136,8 @@ def _stacked(networks: Sequence[HeadingNetwork]) -> list[Tensor]:
         for layer in network.recurrent:
             assert isinstance(layer, BiLSTM)
             weight, *biases = layer.gates()
-            own += [weight, *(bias[None] for bias in biases)]
-        layers.append([*own, network.head.weight, network.head.bias[None]])
+            own += [weight.T, *(bias[None] for bias in biases)]
+        layers.append([*own, network.head.weight.T, network.head.bias[None]])
     return [torch.stack(one).detach().contiguous().requires_grad_() for one in zip(*layers, strict=True)]
 
 

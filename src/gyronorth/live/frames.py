@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -45,9 +44,13 @@ class FrameReader:
         self._options = frame_options(protocol, options, name)
         self._stream = FrameStream(protocol, self._options)
         self._past = Tally()  # of the streams before this one
-        self._why = ""  # the next rows do not go on from those before
+        self._why = ""  # why the next rows behind a jump do not go on from those before
+        self._cut = False  # the next rows do not go on from those before, jump or not
         self._raw = bytearray()
         self._raw_anew = True
+        self._raw_parts: list[tuple[bool, bytes]] = []  # before these
+        self._fed = 0  # bytes that the stream got
+        self._latest = b""  # the last of them
 
     @property
     def tally(self) -> Tally:
@@ -71,11 +74,21 @@ class FrameReader:
 
     def push(self, data: bytes) -> list[RowBatch]:
         """The rows that `data` completes."""
-        self._raw += data
-        batches = self._batches(self._stream.feed(data))
-        if any(finding.code == "layout_changed" for finding in self.warnings):
-            self._anew("the unit sends another layout of its frames")
-        return batches
+        stream, before = self._stream, self._stream.report.settings
+        undecided = self._latest[-stream.undecided :] if stream.undecided else b""
+        start = self._fed - len(undecided)
+        self._fed += len(data)
+        self._latest = undecided + data
+        samples = stream.feed(data)
+        if stream.report.settings > before:
+            self._why = "the unit was set anew: it sends at another rate or in another layout"
+            place = max(stream.changed_at - start, 0)
+            old = max(place - len(undecided), 0)
+            self._raw_parts.append((self._raw_anew, bytes(self._raw) + data[:old]))
+            self._raw, self._raw_anew = bytearray(b"".join(stream.facts) + self._latest[place:]), True
+        else:
+            self._raw += data
+        return self._batches(samples)
 
     def end(self) -> list[RowBatch]:
         """The rows that were held back at the end."""
@@ -92,35 +105,41 @@ class FrameReader:
 
     def begin_raw(self) -> None:
         """From here on the bytes are to be those of a new file: the configuration, what is not decided, what comes."""
-        self._raw = bytearray(b"".join(self._stream.facts) + self._stream.tail)
+        self._raw = bytearray(b"".join(self._stream.facts) + self._stream.pending)
         self._raw_anew = True
 
-    def raw(self) -> tuple[bool, bytes]:
-        """Bytes that came since last asked, and whether they begin a file that replays to the rows from here on."""
-        anew, data = self._raw_anew, bytes(self._raw)
-        self._raw.clear()
-        self._raw_anew = False
-        return anew, data
+    def raw(self) -> list[tuple[bool, bytes]]:
+        """Bytes that came since last asked, each with whether they begin a file that replays to what follows."""
+        parts, self._raw_parts = self._raw_parts, []
+        if self._raw:
+            parts.append((self._raw_anew, bytes(self._raw)))
+            self._raw_anew = False
+            self._raw.clear()
+        return parts
 
     def _anew(self, why: str) -> None:
         facts = self._stream.facts
         self._past = self.tally
-        self._stream, self._why = FrameStream(self.protocol, self._options, facts), why
+        self._stream, self._why, self._cut = FrameStream(self.protocol, self._options, facts), why, True
         self._raw, self._raw_anew = bytearray(b"".join(facts)), True
+        self._fed, self._latest = 0, b""
 
     def _batches(self, samples: Samples | None) -> list[RowBatch]:
-        """Rows in batches, each from one setting of the unit's clock to the next."""
+        """Rows in batches, each from one setting of the unit or its clock to the next."""
         if samples is None:
             return []
         rows, form = _rows(samples, self._stream.report)
-        self.form = form
         jumps = np.flatnonzero(samples.jumped).tolist()
         edges = [0, *(place for place in jumps if place > 0), len(samples)]
-        batches = [RowBatch(form, rows.take(range(first, last))) for first, last in pairwise(edges) if last > first]
-        anew = "the unit's clock was set anew"
-        batches = [replace(batch, why=anew if i > 0 or samples.jumped[0] else "") for i, batch in enumerate(batches)]
-        if self._why:
-            batches[0], self._why = replace(batches[0], why=self._why), ""
+        clock = self._stream.report.clock == "unit's clock"
+        anew = "the unit's clock was reset" if clock else "the unit restarted"
+        batches = []
+        for first, last in pairwise(edges):
+            why = (self._why or anew) if samples.jumped[first] else ""
+            if why or (self._cut and first == 0):
+                why, self._why, self._cut = why or self._why, "", False
+            batches.append(RowBatch(form, rows.take(range(first, last)), why))
+        self.form = form
         return batches
 
 

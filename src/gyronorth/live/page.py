@@ -163,7 +163,7 @@ class _Actions:
             await self._save()
             return
         await asyncio.to_thread(self._session.command, name)
-        ui.notify({"start": "Started anew.", "stop": "Stopped.", "mark": "Marked."}[name], position="top")
+        ui.notify({"start": "Restarted.", "stop": "Stopped.", "mark": "Marked."}[name], position="top")
         await asyncio.sleep(SHOWN_AFTER)
         self.redraw()
 

@@ -173,7 +173,7 @@ def turning(status: Status) -> str:
 
 
 def counters(status: Status) -> str:
-    """What came, and what went wrong."""
+    """Input statistics: what was read, and what went wrong."""
     count = status.counters
     rows = [
         ("good rows", count.good, False),
@@ -183,10 +183,10 @@ def counters(status: Status) -> str:
         ("frames of other messages", count.other_frames, False),
         ("implausible rows", count.implausible, count.implausible > 0),
         ("repeated or stray time stamps", count.strays, count.strays > 0),
-        ("jumps of time", count.time_jumps, count.time_jumps > 0),
+        ("clock jumps", count.time_jumps, count.time_jumps > 0),
         ("reconnects", count.reconnects, count.reconnects > 0),
         ("stalls", count.stalls, count.stalls > 0),
-        ("started anew", count.restarts, count.restarts > 0),
+        ("restarts", count.restarts, count.restarts > 0),
     ]
     body = "".join(
         f'<tr{" class=care" if care else ""}><th scope="row">{name}</th><td>{value}</td></tr>'

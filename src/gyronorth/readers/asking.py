@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from gyronorth.errors import InputError
-from gyronorth.readers.options import ReadOptions
+from gyronorth.readers.options import ReadOptions, parse_columns
 from gyronorth.readers.source import Question
 
 #: How the last line of the message begins.
@@ -37,20 +38,31 @@ def ask(path: Path | str, options: ReadOptions, questions: Sequence[Question], l
 
 
 def merged(arguments: Sequence[str], added: Sequence[str]) -> list[str]:
-    """Arguments with options added, each of which takes the place of one of the same name."""
-    names = {word for word in added if word.startswith("--")}
+    """Arguments with options added, each of which takes the place of one of the same name; columns are put together."""
+    new = in_pairs(added)
     kept: list[str] = []
-    skip = False
+    skip = ""
     for word in arguments:
+        name, mark, value = word.partition("=")
         if skip and not word.startswith("--"):
-            skip = False
+            value, name, skip = word, skip, ""
+        elif name in new:
+            skip = "" if mark or not new[name] else name
+        else:
+            skip = ""
+            kept.append(word)
             continue
-        skip = False
-        if word.split("=")[0] in names and word.startswith("--"):
-            skip = "=" not in word
-            continue
-        kept.append(word)
-    return [*kept, *added]
+        if name == "--columns" and value:
+            with suppress(InputError):  # what was not understood before is not said again
+                new[name] = columns_text({**parse_columns(value), **parse_columns(new[name])})
+    return [*kept, *(word for pair in new.items() for word in pair if word)]
+
+
+def in_pairs(words: Sequence[str]) -> dict[str, str]:
+    """Options with their values, "" for those that take none; of two of the same name the last one."""
+    follow = [*words[1:], "--"]
+    pairs = zip(words, follow, strict=True)
+    return {name: "" if value.startswith("--") else value for name, value in pairs if name.startswith("--")}
 
 
 def columns_text(columns: dict[str, str | int]) -> str:
@@ -76,6 +88,8 @@ def declared_options(options: ReadOptions) -> list[str]:
         words += [name, value] if value is not None else []
     for name, number in numbers.items():
         words += [name, f"{number:.10g}"] if number is not None else []
+    if options.window is not None:
+        words += ["--window", "{:g}:{:g}".format(*options.window)]
     if options.increments:
         words += ["--increments", "both" if options.increments is True else str(options.increments)]
     return [*words, *(["--drop-bad-rows"] if options.drop_bad_rows else [])]

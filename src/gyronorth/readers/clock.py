@@ -24,6 +24,8 @@ FEWEST_ROWS = 20
 USUAL, LEAST_USUAL = 0.25, 0.4
 #: The envelope moves by more than this, in intervals, where a sample is lost: slow drift moves it less in one row.
 MOVE = 0.2
+#: Rows at the end that each gain more than this on the one before, in intervals, are read from a queue, if so many do.
+CATCHES_UP, FEWEST_CAUGHT = 0.5, 3
 #: Moves that are no more than so many rows apart are judged together.
 TOGETHER = 16
 #: So many moves make a doubt: 20 losses at random stray further than two samples from a straight line but
@@ -31,10 +33,20 @@ TOGETHER = 16
 ENOUGH_MOVES, STRAIGHT = 20, 2.0
 #: An interval by which more than this share of samples would be lost is none.
 MOST_LOST = 0.5
+#: Losses of up to so large a share are told from ticks where they can be: beyond, a recording is not read anyway.
+OFTEN_LOST = 0.095
+#: Stamps that stray from whole intervals by more than this, in intervals, are not rounded to ticks of one.
+OFF_TICK = 2e-3
+#: Ticks of clocks and of times as they are printed, s; an interval further from them than this, relative, is none.
+TICKS, TICK_TOLERANCE = (1.0, 0.1, 1e-2, 1 / 64, 8e-3, 1e-3, 1e-4, 1e-5, 1e-6), 2e-6
+#: A tick so long, s, is less likely than losses that follow each other by the same number of rows.
+RARE_TICK = 5e-3
+#: Share of the rows over which the interval of late stamps is taken, and the least share of bursts that are alike.
+LAG, ALIKE = 0.125, 0.5
 #: Fractions of an interval at random have a median size of 0.25; below this they show a phase.
 CLEAR = 0.2
-#: What a good interval leaves of the envelope, in intervals, once the losses are taken out.
-FLAT = 1.0
+#: What a good interval leaves of the envelope, in intervals, once the losses are taken out; what the best may leave.
+FLAT, UNSTEADY = 1.0, 3.5
 
 
 @dataclass(frozen=True)
@@ -89,6 +101,8 @@ class Envelope:
             self._waiting = stray
             return Settled(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0, dtype=np.int64))
         raised = _without_early(stray, self._last[0] if self._last else None)
+        if last:
+            raised = _without_queue(raised, self._last[1] if self._last else None)
         floor = forward_minimum(raised[:rows], self.width)
         before = floor[0] if self._last is None else min(self._last[1], floor[0])
         move = np.diff(floor, prepend=before)
@@ -155,12 +169,13 @@ def width_of(seconds: float) -> int:
 
 
 def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
-    """The sample interval that steps between time stamps, shape (n,), show; None if none is positive.
+    """The sample interval that steps between time stamps, shape (n,), show; None if none is positive, NaN if unclear.
 
     `unit` is in s; None for a counter. Three kinds of columns occur. Most steps are alike: the
     interval is theirs, longer ones are late or hold a loss. Steps differ (stamps rounded to coarse
     ticks, bursts, pairs) and stamps keep to a straight line: the interval is the mean. Neither:
-    bursts of which some are lost.
+    bursts of which some are lost, or stamps late by intervals, and gaps. Where many samples are lost
+    between stamps that are late by as much, nothing tells the one from the other.
     """
     step = step[step >= 0]
     positive = step[step > 0]
@@ -169,18 +184,20 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     middle = float(median(positive))
     step = step[step <= ABSURD * middle]
     usual = np.abs(step - middle) <= USUAL * middle
-    common, width = None, len(step)
-    if usual.mean() >= LEAST_USUAL:
-        interval, clear = _in_phase(step, float(step[usual].mean()))
-        found = _refined(step, interval, unit)
-        if clear and found.moves < ENOUGH_MOVES and found.flat:
+    interval, clear = _in_phase(step, float(step[usual].mean()) if usual.any() else middle)
+    found = _refined(step, interval, unit)
+    common, width = usual.mean() >= LEAST_USUAL, len(step)
+    if common:
+        if clear and found.flat and (found.moves < ENOUGH_MOVES or _is_lossy(step, found, unit)):
             return found.interval
-        common = found.interval if found.lost <= MOST_LOST * len(step) else None
         width = found.longest_late + 1
     mean = _straight(step, unit, width)
-    if mean is not None or common is not None:
-        return mean or common
-    return _refined(step, _of_bursts(step), unit).interval
+    if mean is not None or (common and found.flat and found.lost <= MOST_LOST * len(step)):
+        return mean or found.interval
+    bursts = _of_bursts(step)
+    fits = [found, _refined(step, _of_lags(step) if bursts is None else bursts, unit)]
+    best = min(fits, key=lambda fit: fit.spread if fit.lost <= MOST_LOST * len(step) else np.inf)
+    return best.interval if best.spread <= UNSTEADY else np.nan
 
 
 @dataclass(frozen=True)
@@ -190,25 +207,33 @@ class _Fit:
     interval: float
     moves: int  # of the envelope
     lost: int  # samples, by the envelope
-    flat: bool  # whether the envelope is, without the losses
+    spread: float  # of the envelope without the losses, in intervals
     longest_late: int  # rows that are late one after the other, at most
+
+    @property
+    def flat(self) -> bool:
+        """Whether nothing but losses moves the envelope."""
+        return self.spread <= FLAT
 
 
 def _refined(step: NDArray[np.float64], interval: float, unit: float | None) -> _Fit:
     """An interval made better by the rows that lie on its envelope."""
     time = np.concatenate([[0.0], np.cumsum(step)])
     for turn in range(3):
+        if not 0 < interval < np.inf:
+            return _Fit(np.nan, 0, 0, np.inf, 0)
         # An interval that is a little off tilts the envelope: the first look is over few rows.
         envelope = Envelope(interval, FEWEST_ROWS if turn == 0 else _width(interval, unit))
         settled = envelope.take(time, last=True)
         level = np.cumsum(settled.moved)
         if turn < 2:
             interval = _on_line(time, interval, level)
-    left = forward_minimum(_without_early(time / interval - np.arange(len(time)) - level, None), envelope.width)
-    flat = float(np.ptp(left[: max(1, len(left) - FEWEST_ROWS)])) <= FLAT
+    stray = _without_early(time / interval - np.arange(len(time)) - level, None)
+    left = forward_minimum(_without_queue(stray, None), envelope.width)
+    spread = float(np.ptp(left[: max(1, len(left) - FEWEST_ROWS)]))
     in_time = np.flatnonzero(settled.late <= MOVE)
     longest = int(np.diff(in_time, prepend=-1, append=len(time)).max()) - 1
-    return _Fit(interval, envelope.moves, envelope.lost, flat, longest)
+    return _Fit(interval, envelope.moves, envelope.lost, spread, longest)
 
 
 def _in_phase(step: NDArray[np.float64], interval: float) -> tuple[float, bool]:
@@ -227,15 +252,42 @@ def _in_phase(step: NDArray[np.float64], interval: float) -> tuple[float, bool]:
     return interval, True
 
 
-def _of_bursts(step: NDArray[np.float64]) -> float:
-    """The usual time from burst to burst over the usual number of rows in one."""
+def _is_lossy(step: NDArray[np.float64], found: _Fit, unit: float | None) -> bool:
+    """Whether many long steps are losses, not the ticks of a coarse clock.
+
+    Either would do where stamps stand at whole multiples of a tick. They are losses where the stamps stray from
+    these, where no clock ticks so, and where each follows the last by the same number of rows at a tick that is rare.
+    """
+    if found.lost > OFTEN_LOST * (len(step) + found.lost):
+        return False
+    whole = step / found.interval
+    astray = float(median(np.abs(whole - np.rint(whole))))
+    seconds = found.interval * (unit or 0.0)
+    if astray > OFF_TICK or not any(abs(seconds / tick - 1) < TICK_TOLERANCE for tick in TICKS):
+        return unit is not None
+    apart = np.diff(np.flatnonzero(step > 1.5 * found.interval))
+    regular = float(np.mean(apart == median(apart))) > 1 - 1 / ENOUGH_MOVES
+    return regular and seconds > RARE_TICK and abs(64 * seconds - 1) > TICK_TOLERANCE
+
+
+def _of_bursts(step: NDArray[np.float64]) -> float | None:
+    """The usual time from burst to burst over the usual number of rows in one; None where bursts are not alike."""
     begins = np.flatnonzero(step > 0.5 * np.quantile(step[step > 0], 0.95))
     if len(begins) < 3:
-        return float(step.mean())
+        return None
     rows, middle = np.diff(begins), median(np.diff(begins))
     periods = np.diff(np.cumsum(step)[begins])
-    usual = rows[np.abs(rows - middle) <= USUAL * middle]
-    return float(median(periods) / (usual.mean() if len(usual) else middle))
+    alike = np.abs(rows - middle) <= USUAL * middle
+    if alike.mean() < ALIKE:
+        return None
+    return float(median(periods) / rows[alike].mean())
+
+
+def _of_lags(step: NDArray[np.float64]) -> float:
+    """The median of what an eighth of the rows lasts, over their number: late stamps and a few losses leave it."""
+    time = np.concatenate([[0.0], np.cumsum(step)])
+    lag = max(1, int(LAG * len(time)))
+    return float(median(time[lag:] - time[:-lag])) / lag
 
 
 def _straight(step: NDArray[np.float64], unit: float | None, late: int) -> float | None:
@@ -263,6 +315,19 @@ def _on_line(time: NDArray[np.float64], interval: float, lost: NDArray[np.float6
 
 def _width(interval: float, unit: float | None) -> int:
     return FEWEST_ROWS if unit is None else width_of(interval * unit)
+
+
+def _without_queue(stray: NDArray[np.float64], before: float | None) -> NDArray[np.float64]:
+    """The last rows taken to be in time where they are read from a queue that the recording ends within.
+
+    Their stamps come so fast one behind the other that they were catching up: late, not lost.
+    """
+    falls = np.diff(stray) < -CATCHES_UP
+    begin = len(stray) - 1 - (len(falls) if falls.all() else int(np.argmin(falls[::-1])))
+    level = stray[begin - 1] if begin > 0 else before
+    if len(stray) - 1 - begin < FEWEST_CAUGHT or level is None:
+        return stray
+    return np.concatenate([stray[:begin], np.minimum(stray[begin:], level)])
 
 
 def _without_early(stray: NDArray[np.float64], before: float | None) -> NDArray[np.float64]:

@@ -7,14 +7,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
 from gyronorth.readers.evidence import accel_fits, gyro_fits
 from gyronorth.readers.layout import TextLayout
-from gyronorth.readers.options import OUR_TITLES
+from gyronorth.readers.options import OUR_TITLES, ReadOptions
 from gyronorth.readers.presets import Preset
 from gyronorth.readers.source import FORCES, RATES, TIME, Question
 from gyronorth.readers.text_clock import choose_clock, numbers
 from gyronorth.readers.titles import Title, Triple, label, triples
+
+#: Words of columns that stand beside those that are meant.
+_BESIDE = ("linear", "raw", "uncal", "adc", "lsb")
 
 
 @dataclass(frozen=True)
@@ -28,11 +32,15 @@ class Chosen:
     questions: tuple[Question, ...] = ()
 
 
-def by_titles(
-    layout: TextLayout, parts: Sequence[Title], declared: Mapping[str, str | int], preset: Preset | None
-) -> Chosen:
-    """The columns of a file with a header that are not declared."""
-    titles = layout.titles
+def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, preset: Preset | None) -> Chosen:
+    """The columns of a file with a header that are not declared.
+
+    Raises
+    ------
+    InputError
+        If the three titles of a sensor state different units.
+    """
+    titles, declared = layout.titles, dict(options.columns or {})
     columns: dict[str, str | int] = {} if preset is None else preset.columns(titles)
     questions: list[Question] = []
     found = triples(titles, parts)
@@ -53,8 +61,8 @@ def by_titles(
             columns |= {name: name for name in there}
         else:
             candidates = [each for each in found if each.kind == kind]
-            # Phones call linear what has gravity taken out.
-            plain = [each for each in candidates if "linear" not in each.label.lower()]
+            # Phones call linear what has gravity taken out; what is raw stands beside what is calibrated.
+            plain = [each for each in candidates if not any(word in each.label.lower() for word in _BESIDE)]
             candidates = plain or candidates
             triple = candidates[0] if candidates else None
             if len(candidates) > 1:
@@ -62,15 +70,19 @@ def by_titles(
             if triple is not None:
                 columns |= {name: _name(i, titles) for name, i in zip(ours, triple.positions, strict=True)}
                 units[kind] = triple.unit
+                _check_agreed([(titles[i], parts[i].unit, parts[i].scale) for i in triple.positions])
         if triple is not None and triple.increments:
             increments.add(kind)
+        if triple is not None and triple.scale != 1 and getattr(options, f"{kind}_scale") is None:
+            says = f"The titles of {triple.label} count by {triple.scale:g} {triple.unit}."
+            questions.insert(0, Question(says, (f"--{kind}-scale", f"{triple.scale:.10g}")))
     if TIME not in declared and TIME not in columns:
         exact = [title for title in OUR_TITLES[TIME] if titles.count(title) == 1]
         position = titles.index(exact[0]) if exact and titles.index(exact[0]) not in _taken(columns, titles) else None
         position = choose_clock(layout, parts) if position is None else position
         if position is not None:
             columns[TIME] = _name(position, titles)
-    if questions:  # one --columns for all
+    if any(not question.options for question in questions):  # one --columns for all
         text = columns_text({**{k: v for k, v in columns.items() if k != TIME}, **declared})
         questions[-1] = Question(questions[-1].says, ("--columns", text), certain=False)
     return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), tuple(questions))
@@ -125,6 +137,16 @@ def _which(kind: str, ours: tuple[str, ...], candidates: Sequence[Triple], title
         for each in candidates
     )
     return Question(f"{len(candidates)} triples may be the {word}: {listed}. Which one is meant?", (), certain=False)
+
+
+def _check_agreed(units: Sequence[tuple[str, str | None, float]]) -> None:
+    """Refuse three titles of a sensor that state different units."""
+    stated = {(unit, scale) for _, unit, scale in units if unit}
+    if len(stated) > 1:
+        raise InputError(
+            f"The titles {', '.join(title for title, *_ in units)} belong to one sensor and state different units: "
+            "correct them."
+        )
 
 
 def _name(position: int, titles: Sequence[str]) -> str | int:

@@ -49,6 +49,17 @@ class Declared:
         """Whether any sensor holds increments."""
         return self.gyro_increments or self.accel_increments
 
+    @property
+    def units(self) -> str:
+        """Units of the file in words: "deg/s, g", with scale factors and increments where there are such."""
+        sensors = [(self.gyro_unit, self.gyro_scale, self.gyro_increments)]
+        if self.accel_unit:
+            sensors.append((self.accel_unit, self.accel_scale, self.accel_increments))
+        return ", ".join(
+            f"{'' if scale == 1 else f'{scale:.10g} '}{unit}{' as increments' if increments else ''}"
+            for unit, scale, increments in sensors
+        )
+
     def scale(self, rate_hz: float) -> NDArray[np.float64]:
         """SI per number of each value column at a sample rate, shape (3,) or (6,)."""
         per_second = rate_hz if self.increment_interval is None else 1 / self.increment_interval
@@ -114,6 +125,32 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
         accel_scale=1.0 if options.accel_scale is None else options.accel_scale,
         increment_interval=options.increment_interval,
     )
+
+
+def in_place_of(source: Source, declared: Declared, sensor: str, unit: str, increments: bool) -> tuple[str, ...]:
+    """The options by which the numbers of a sensor are read in another unit; none where no option does that.
+
+    A unit that the file states is not declared anew: a scale makes of it the other one.
+    """
+    gyro = sensor == "gyro"
+    was, units, scale = (
+        (declared.gyro_unit, GYRO_UNITS, declared.gyro_scale)
+        if gyro
+        else (declared.accel_unit, ACCEL_UNITS, declared.accel_scale)
+    )
+    options: tuple[str, ...] = ()
+    if increments != (declared.gyro_increments if gyro else declared.accel_increments):
+        other = declared.accel_increments if gyro else declared.gyro_increments
+        which = {(True, True): "both", (True, False): sensor, (False, True): "accel" if gyro else "gyro"}
+        options = ("--increments", which.get((increments, other), "none"))
+    stated = source.stated.gyro_unit if gyro else source.stated.accel_unit
+    if source.decoded or source.ours or (options and source.stated.increments):
+        return ()
+    if unit == was:
+        return options
+    if stated is None:
+        return (*options, f"--{sensor}-unit", unit)
+    return (*options, f"--{sensor}-scale", f"{scale * units[unit] / units[was]:.10g}")
 
 
 def forgotten_accelerometer(source: Source, options: ReadOptions, path: Path | str) -> Path | None:

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
+from gyronorth.readers.asking import OpenQuestion, ask
 from gyronorth.readers.clock import Envelope, measure, width_of
 from gyronorth.readers.declared import Declared
-from gyronorth.readers.evidence import is_whole
+from gyronorth.readers.evidence import COUNTS_PER_G, NEAR_GRAVITY, is_whole, norm_of_parts
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
-from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Source
+from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Question, Source
 from gyronorth.readers.waiting import Rows, first_run, repeats
 from gyronorth.recording import Gap
 
@@ -53,6 +55,10 @@ AROUND_WRAP = 10.0
 RESTART_ROWS = 20
 #: Largest share of rows that repeat a stamp with other values: beyond pairs, the clock is too coarse.
 MOST_REPEATED = 0.6
+#: A part before a gap or a restart that is shorter than this, s, is no use.
+LEAST_PART = 1.0
+#: The options of a file whose times tell nothing.
+NO_CLOCK = ("--columns", "t=-", "--rate", "HZ")
 #: More bad rows than this end the reading at once.
 PATIENCE = 1000
 
@@ -137,7 +143,7 @@ class GridBuilder:
         samples = self._placed(stamps, last=restart is not None)
         if restart is not None and not self.done:
             self.raise_bad()
-            raise InputError(self._restarted(restart[1]))
+            raise self._restarted(restart[1])
         if self.rows_dropped > PATIENCE and self.rows_dropped > self.rows / 2:
             self.finish()
         return samples
@@ -191,10 +197,13 @@ class GridBuilder:
         if others:
             more = f" Bad rows in all: {self.rows_dropped}; " + "; ".join(f"row {row}: {why}" for row, why in others)
             more += "; ..." if self.rows_dropped > len(self._described) else "."
-        raise InputError(
+        says = (
             f"Row {first[0]} of {self._source.name}: {first[1]}.{more} Repair the file, or pass --drop-bad-rows to "
             "leave such rows out (they will be counted in the result)."
         )
+        if self.rows_dropped > MOST_MISSING * self.rows:
+            raise InputError(says)
+        raise self._cured(says, "--drop-bad-rows")
 
     def finish(self) -> None:
         """The checks that need the whole file."""
@@ -239,7 +248,9 @@ class GridBuilder:
             twice = np.zeros(len(step), dtype=bool) if (step != 0).all() else repeats(step, data)
             interval = measure(step[~twice], unit=clock.unit)
             if interval is None and (self.rate_hz is None or len(time) > 1):
-                raise InputError(self._timeless(time, clock.name))
+                raise self._timeless(time, clock.name)
+            if interval is not None and np.isnan(interval):
+                raise self._unclear(time, clock.name)
             if interval is None:
                 self._interval = 1 / ((self.rate_hz or 1.0) * (clock.unit or 1.0))
             else:
@@ -259,38 +270,64 @@ class GridBuilder:
         if clock.unit != 1.0 or clock.known or self.rate_hz is not None or len(time) < 3:
             return
         if self._interval >= 0.5 and (time == np.rint(time)).all():
-            raise InputError(
+            raise self._cured(
                 f"{clock.name} of {self._source.name} counts in whole numbers, by {self._interval:.4g} a row "
                 f"({time[0]:.10g}, {time[1]:.10g}, {time[2]:.10g}, ...): seconds are not likely. If it counts rows, "
                 "leave it out and declare the rate: --columns t=- --rate HZ. If it counts milliseconds, the rate is "
                 f"{1e3 / self._interval:.6g} Hz: --columns t=- --rate {1e3 / self._interval:.6g}. If these really are "
-                f"seconds: --rate {1 / self._interval:.6g}."
+                f"seconds: --rate {1 / self._interval:.6g}.",
+                *NO_CLOCK,
             )
 
     def _check_coarse(self, step: NDArray[np.float64], clock: Clock) -> None:
-        """More than pairs of rows with one stamp: the clock tells nothing of single samples."""
+        """More than pairs of rows with one stamp: the clock tells the rate by its ticks, but no single sample."""
         if clock.unit is None or len(step) < RESTART_ROWS:
             return
         share = float(np.mean(step == 0))
         if share > MOST_REPEATED:
-            rate_hz = 1 / (float(step[step >= 0].mean()) * clock.unit)
-            raise InputError(
+            step = step[step >= 0]
+            ticks = np.flatnonzero(step)
+            rows = ticks[-1] - ticks[0]
+            spans = float(step[ticks[0] + 1 : ticks[-1] + 1].sum()) if rows else float(step.mean())
+            rate_hz = max(1, rows) / (spans * clock.unit)
+            raise self._cured(
                 f"{clock.name} of {self._source.name} repeats the stamp before it in {share:.0%} of the rows, with "
-                f"other values: it is too coarse. By its mean step the rate is about {rate_hz:.5g} Hz. Leave it out, "
-                f"and declare the rate: --columns t=- --rate {rate_hz:.5g}."
+                f"other values: it is too coarse. By its ticks the rate is about {rate_hz:.5g} Hz. Leave it out, "
+                f"and declare the rate: --columns t=- --rate {rate_hz:.5g}.",
+                *NO_CLOCK[:-1],
+                f"{rate_hz:.5g}",
             )
 
-    def _timeless(self, time: NDArray[np.float64], title: str) -> str:
+    def _cured(self, says: str, *options: str) -> OpenQuestion:
+        """A message with the options that cure what it tells, which are likely and not certain."""
+        return ask(self._source.name, self._options, [Question(says, options, certain=False)])
+
+    def _timeless(self, time: NDArray[np.float64], title: str) -> OpenQuestion:
         """Why no rate can be had from these times, of which none is later than the one before."""
         name = self._source.name
         if len(time) < 2:
-            return f"{name} has a single time, so its rate is unknown. Declare it: --rate HZ."
+            return self._cured(
+                f"{name} has a single time, so its rate is unknown. Declare it: --rate HZ.", *NO_CLOCK[2:]
+            )
         cure = "leave that column out and declare the rate: --columns t=- --rate HZ."
         if (self._differences(time) == 0).all():
-            return f"{title} of {name} is {time[0]:.10g} in every row: no clock, or one too coarse. Then {cure}"
-        return (
+            says = f"{title} of {name} is {time[0]:.10g} in every row: no clock, or one too coarse. Then {cure}"
+            return self._cured(says, *NO_CLOCK)
+        return self._cured(
             f"{title} of {name} runs backwards, from {time[0]:.10g} to {time[-1]:.10g}: rows in reverse order, or "
-            f"another column taken for time, are likely. Put them in order; or {cure}"
+            f"another column taken for time, are likely. Put them in order; or {cure}",
+            *NO_CLOCK,
+        )
+
+    def _unclear(self, time: NDArray[np.float64], title: str) -> OpenQuestion:
+        """Why no rate can be had from stamps that are late by more than the samples lost between them."""
+        unit = self._source.clock.unit if self._source.clock else None
+        rate_hz = (len(time) - 1) / float(time[-1] - time[0]) / (unit or 1.0)
+        return self._cured(
+            f"{title} of {self._source.name} is late by more than a sample interval in most rows, and not all rows are "
+            f"there: on average {rate_hz:.4g} come in a second, the rate is higher. Leave that column out and declare "
+            "the rate: --columns t=- --rate HZ.",
+            *NO_CLOCK,
         )
 
     def _agree(self, timed: float, title: str) -> None:
@@ -298,16 +335,18 @@ class GridBuilder:
         name = self._source.name
         if self.rate_hz is None:
             if not TIMED_RATES[0] <= timed <= TIMED_RATES[1]:
-                raise InputError(
+                raise self._cured(
                     f"{title} of {name} steps by {1 / timed:.4g}, a rate of {timed:.4g} Hz if it is in seconds; "
                     f"{TIMED_RATES[0]:g} to {TIMED_RATES[1]:g} Hz are expected. If it is in another unit, leave it out "
-                    "and declare the rate: --columns t=- --rate HZ."
+                    "and declare the rate: --columns t=- --rate HZ.",
+                    *NO_CLOCK,
                 )
             self.rate_hz = timed
         elif abs(timed / self.rate_hz - 1) > RATE_TIMED_TOLERANCE:
-            raise InputError(
+            raise self._cured(
                 f"{title} of {name} gives a rate of {timed:.6g} Hz, but {self.rate_hz:.6g} Hz is declared. Correct the "
-                "rate, or leave that column out: --columns t=-."
+                "rate, or leave that column out: --columns t=-.",
+                *NO_CLOCK[:2],
             )
 
     def _differences(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -342,9 +381,11 @@ class GridBuilder:
             lead = f"Row {row} of {self._source.name}: {why}. {len(wrong)} of {len(data)} rows are like it"
             values = block.values[:, block.values.shape[1] - data.shape[1] :]
             if is_whole(values) and np.abs(values).max() > 1:
-                raise InputError(
+                raise self._cured(
                     f"{lead}, and all are whole numbers, as counts are: the data sheet says how much one is. Declare "
-                    "it: --gyro-scale and --accel-scale, each in the unit of the file."
+                    "it: --gyro-scale and --accel-scale, each in the unit of the file.",
+                    *("--gyro-scale", f"{self._declared.gyro_unit.upper().replace('/', '_PER_')}_IN_ONE_COUNT"),
+                    *self._scale_by_gravity(values[:, 3:]),
                 )
             raise InputError(
                 f"{lead}: are columns and units declared right? (A sensor that is absent can be left out: --columns "
@@ -352,6 +393,14 @@ class GridBuilder:
             )
         reasons += described
         return usable
+
+    def _scale_by_gravity(self, counts: NDArray[np.float64]) -> tuple[str, ...]:
+        """The scale of an accelerometer's counts, (n, 3), that makes gravity of them; none without an accelerometer."""
+        size = norm_of_parts(counts) if counts.shape[1] else 0.0
+        if size == 0:
+            return ()
+        size = next((each for each in COUNTS_PER_G if abs(size / each - 1) < NEAR_GRAVITY / 2), size)
+        return "--accel-scale", f"{STANDARD_GRAVITY / ACCEL_UNITS[self._declared.accel_unit] / size:.6g}"
 
     def _why(self, raw: NDArray[np.float64], data: NDArray[np.float64]) -> str:
         """What is wrong with one row, in the units of the file."""
@@ -430,14 +479,17 @@ class GridBuilder:
                 self.counts.wraps += (words,) * int(at.sum())
         return step
 
-    def _restarted(self, where: str) -> str:
+    def _restarted(self, where: str) -> OpenQuestion:
         """What to do about a clock that started again; `where` says at which row, and from what to what."""
         rate_hz, lasts = self.rate_hz or 1.0, (self._position + 1) / (self.rate_hz or 1.0)
-        before = f"Take the part before it: --window 0:{np.floor(100 * lasts) / 100:g}; or, if" if lasts > 1 else "If"
-        return (
+        window = f"0:{np.floor(100 * lasts) / 100:g}"
+        before = f"Take the part before it: --window {window}; or, if" if lasts > 1 else "If"
+        rate = f"{rate_hz:.7g}"
+        return self._cured(
             f"{where}, and the rows behind it go on from there: the clock was set back or started again, and how much "
             f"time passed is not known. {before} no sample was lost there, leave the time column out: --columns t=- "
-            f"--rate {rate_hz:.7g}."
+            f"--rate {rate}.",
+            *(("--window", window) if lasts > LEAST_PART else (*NO_CLOCK[:-1], rate)),
         )
 
     def _count(self, late: NDArray[np.float64]) -> None:
@@ -486,11 +538,15 @@ class GridBuilder:
         for i in np.flatnonzero(steps > limit):
             before = self._position + float(steps[:i].sum())
             if steps[i] > 1e12 or (before + 1 < self._window[1] and before + steps[i] > self._window[0]):
-                raise InputError(
+                says = (
                     f"Row {rows[i]} of {self._source.name}: {steps[i] / rate_hz:.6g} s lie between this row and the "
                     f"one before, which ends {(before + 1) / rate_hz:.6g} s of data; gaps of up to {LONGEST_GAP:g} s "
                     "are bridged. Take a part without the gap: --window START:END, or split the file."
                 )
+                start, end = self._window[0] / rate_hz, np.floor(100 * (before + 1) / rate_hz) / 100
+                if end - start < LEAST_PART:
+                    raise InputError(says)
+                raise self._cured(says, "--window", f"{start:g}:{end:g}")
 
     def _bridged(
         self, data: NDArray[np.float64], positions: NDArray[np.int64], steps: NDArray[np.float64]

@@ -24,6 +24,9 @@ GYRO_UNITS = {
     "mdeg/s": float(np.radians(1e-3)),
     "mrad/s": 1e-3,
     "arcsec/s": DEG_PER_HOUR,  # 3600 arcsec are a degree and 3600 s an hour
+    "urad/s": 1e-6,
+    "deg/min": float(np.radians(1.0 / 60)),
+    "rpm": float(np.radians(6.0)),
 }
 #: m/s^2 in one unit of specific force.
 ACCEL_UNITS = {
@@ -32,6 +35,8 @@ ACCEL_UNITS = {
     "mg": 1e-3 * STANDARD_GRAVITY,
     "ug": 1e-6 * STANDARD_GRAVITY,
     "cm/s2": 0.01,
+    "mm/s2": 1e-3,
+    "ft/s2": 0.3048,
 }
 #: Units proposed for numbers without one, the likeliest first; the others are rare, or the same by another name.
 GYRO_PROPOSED = ("rad/s", "deg/s", "deg/h", "mdeg/s")

@@ -47,6 +47,16 @@ STILL_PARTS = 3
 PARTS = 21
 
 
+class Misfit(InputError):
+    """A declaration that cannot be right, and the first of those that fit in its place, or the options that cure it."""
+
+    def __init__(
+        self, text: str, sensor: str = "", unit: str = "", increments: bool = False, options: tuple[str, ...] = ()
+    ) -> None:
+        super().__init__(text)
+        self.sensor, self.unit, self.increments, self.options = sensor, unit, increments, options
+
+
 def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: float, name: str) -> None:
     """Compare mean and noise with Earth rate and gravity under the declared and the other units.
 
@@ -57,7 +67,7 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
 
     Raises
     ------
-    InputError
+    Misfit
         If the declared unit is implausible; it names the one that is not.
     """
     gyro, gyro_error = robust_mean(samples[:, :3], PARTS)
@@ -65,7 +75,8 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
     force = vertical = None
     if samples.shape[1] == 6:
         force, _ = robust_mean(samples[:, 3:], PARTS)
-        _check_force(norm_of_parts(samples[:, 3:]), declared, rate_hz=rate_hz, name=name)
+        norm = float(np.linalg.norm(gyro)) / EARTH_RATE
+        _check_force(norm_of_parts(samples[:, 3:]), norm, declared, rate_hz=rate_hz, name=name)
         vertical = float(gyro @ force / np.linalg.norm(force))
     norm, noise = float(np.linalg.norm(gyro)) / EARTH_RATE, sample_noise(samples[:, :3]) / np.sqrt(rate_hz)
     uncertain = float(np.linalg.norm(gyro_error)) / EARTH_RATE
@@ -74,7 +85,8 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
         if implausible:
             raise InputError(_moving(samples[:, :3], moves, declared, rate_hz=rate_hz, name=name))
         return  # the mean of a unit that moves shows no unit
-    likely, possible = [], []
+    likely: list[tuple[str, bool]] = []
+    possible: list[tuple[str, bool]] = []
     for unit, increments, factor in _others(GYRO_UNITS, declared.gyro_unit, declared.gyro_increments, rate_hz):
         if force is not None and increments != declared.gyro_increments:
             continue  # gravity has told already whether these are increments
@@ -84,19 +96,22 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
             near = abs(vertical * factor / EARTH_RATE - np.sin(declared.latitude)) < NEAR_EARTH_RATE
         far = not 1 / FAR_FROM_EARTH_RATE < norm < FAR_FROM_EARTH_RATE
         if near and far and (implausible or unit in COMMON_RATES):
-            likely.append(_words("gyro", unit, increments, declared))
+            likely.append((unit, increments))
         elif PROPOSED_LOW < norm * factor < PROPOSED_HIGH and (
             noise == 0 or PROPOSED_ARW_LOW < noise * factor < PROPOSED_ARW_HIGH
         ):
-            possible.append(_words("gyro", unit, increments, declared))
+            possible.append((unit, increments))
     proposed = likely or (possible if implausible else [])
     if proposed:
-        raise InputError(
+        fits = " or ".join(_words("gyro", *each, declared) for each in proposed)
+        raise Misfit(
             f"{name}: the mean angular rate is {norm * EARTH_RATE / DEG_PER_HOUR:.4g} deg/h and its angle random walk "
             f"{noise / DEG_PER_SQRT_HOUR:.2g} deg/sqrt(h) if "
             f"{_words('gyro', declared.gyro_unit, declared.gyro_increments)} is right; a gyro at rest shows "
-            f"Earth rate, 15.04 deg/h, and its bias. {' or '.join(proposed)} fits. "
-            "(If the declaration is right, the bias hides Earth rate and no heading can be had.)"
+            f"Earth rate, 15.04 deg/h, and its bias. {fits} fits. "
+            "(If the declaration is right, the bias hides Earth rate and no heading can be had.)",
+            "gyro",
+            *proposed[0],
         )
 
 
@@ -220,38 +235,44 @@ def _vertical_conventions(force_file: NDArray[np.float64]) -> str:
     return " or ".join(found)
 
 
-def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) -> None:
-    """Mean specific force, m/s^2, against gravity."""
+def _check_force(size: float, norm: float, declared: Declared, *, rate_hz: float, name: str) -> None:
+    """Mean specific force, m/s^2, against gravity; `norm` is the mean rate in Earth rates."""
     share = size / STANDARD_GRAVITY
     if FORCE_LOW <= share <= FORCE_HIGH:
         return
     proposed = [
-        _words("accel", unit, increments, declared)
+        (unit, increments)
         for unit, increments, factor in _others(ACCEL_UNITS, declared.accel_unit, declared.accel_increments, rate_hz)
         if PROPOSED_FORCE_LOW <= share * factor <= PROPOSED_FORCE_HIGH
     ]
     parts = [number for number in KEPT_ONE_OF if abs(share * number - 1) < NEAR_GRAVITY]
     if not proposed and parts:
         interval = 1 / (parts[0] * rate_hz) if declared.increment_interval is None else None
-        cure = f"That is gravity over {parts[0]}"
+        cure, options = f"That is gravity over {parts[0]}", ()
         if declared.increments and interval is not None:
             cure += (
                 f": each increment covers {1e3 * interval:.4g} ms, but one is logged every {1e3 / rate_hz:.4g} ms. "
                 f"--increment-interval {interval:.6g} fits."
             )
+            options = ("--increment-interval", f"{interval:.6g}")
         else:
             cure += (
                 f": increments of a sensor {parts[0]} times as fast, or a driver with the wrong rate, are likely. "
                 f"--accel-scale {parts[0]} makes it gravity; the rates are probably wrong by as much (--gyro-scale)."
             )
-        raise InputError(_weighs(size, declared, name) + cure)
-    cure = (
-        f"{' or '.join(proposed)} fits."
-        if proposed
-        else "No other unit fits: has gravity been taken out, or is the accelerometer off? Without it, leave the f "
-        "columns out (--columns f_x=-,f_y=-,f_z=-) and give --roll and --pitch."
+            scales = ("--accel-scale", f"{parts[0] * declared.accel_scale:.10g}")
+            if abs(norm * parts[0] - 1) < NEAR_EARTH_RATE:
+                options = (*scales, "--gyro-scale", f"{parts[0] * declared.gyro_scale:.10g}")
+            elif abs(norm - 1) < NEAR_EARTH_RATE:
+                options = scales
+        raise Misfit(_weighs(size, declared, name) + cure, options=options)
+    if proposed:
+        fits = " or ".join(_words("accel", *each, declared) for each in proposed)
+        raise Misfit(f"{_weighs(size, declared, name)}{fits} fits.", "accel", *proposed[0])
+    raise InputError(
+        _weighs(size, declared, name) + "No other unit fits: has gravity been taken out, or is the accelerometer off? "
+        "Without it, leave the f columns out (--columns f_x=-,f_y=-,f_z=-) and give --roll and --pitch."
     )
-    raise InputError(_weighs(size, declared, name) + cure)
 
 
 def _weighs(size: float, declared: Declared, name: str) -> str:

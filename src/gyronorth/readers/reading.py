@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.asking import ask
 from gyronorth.readers.axes import in_axes
-from gyronorth.readers.declared import Declared, forgotten_accelerometer, resolve
+from gyronorth.readers.declared import Declared, forgotten_accelerometer, in_place_of, resolve
 from gyronorth.readers.grid import JITTER, GridBuilder
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.plausible import check_axes, check_flags, check_units
+from gyronorth.readers.plausible import Misfit, check_axes, check_flags, check_units
 from gyronorth.readers.presets import load
 from gyronorth.readers.registry import open_source
-from gyronorth.readers.source import Source
+from gyronorth.readers.source import Question, Source
 from gyronorth.recording import AxesOrigin, Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Called with the share of the file that is read, as the reading goes on.
@@ -202,7 +203,15 @@ class Reading:
     def check(self, samples: NDArray[np.float64]) -> tuple[Note, ...]:
         """Units and axes against Earth rate and gravity."""
         if not (self.source.ours and self.source.stated.gyro_unit == "rad/s"):
-            check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
+            try:
+                check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
+            except Misfit as misfit:
+                cure = misfit.options
+                if misfit.sensor:
+                    cure = in_place_of(self.source, self.declared, misfit.sensor, misfit.unit, misfit.increments)
+                if not cure:
+                    raise
+                raise ask(self.source.name, self.options, [Question(str(misfit), cure, certain=False)]) from None
         return check_axes(samples, self.declared, name=self.source.name)
 
     def info(self, notes: tuple[Note, ...]) -> RecordingInfo:
@@ -266,6 +275,7 @@ class Reading:
             notes=(*notes, *self.remarks(len(samples), gaps, rows_dropped)),
             axes="frd" if any(self.options.boresight) else self.declared.axes,
             axes_origin=self.declared.axes_origin,
+            units=self.declared.units,
         )
 
     def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
@@ -277,7 +287,7 @@ class Reading:
 
     def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
         """What there is to say of the file, and of `samples` samples with these gaps and dropped rows."""
-        notes = self.source.notes + gap_notes(gaps, samples=samples) + self.length_notes
+        notes = self.source.notes + self.source.remarks() + gap_notes(gaps, samples=samples) + self.length_notes
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)

@@ -23,6 +23,7 @@ from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.joining import joined
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
+from gyronorth.readers.records import rewriter_of
 from gyronorth.readers.source import FORCES, TIME, Source
 from gyronorth.readers.spool import Spooled, is_stream, packed_as, piped, unpacked
 
@@ -96,6 +97,8 @@ def writer_of(suffix: str) -> Callable[[RecordingStream, Path], None] | None:
 
 #: Suffixes of pickled objects of Python, and the protocols in their second byte.
 PICKLES, PICKLE_PROTOCOLS = (".pkl", ".pickle", ".joblib"), (b"\x02", b"\x03", b"\x04", b"\x05")
+#: Suffixes under which texts are kept that may be no tables.
+TEXTS = ("", ".txt", ".log", ".csv", ".json", ".jsonl", ".ndjson", ".dat", ".tsv")
 #: Packed files within packed files.
 DEEPEST = 3
 
@@ -131,6 +134,8 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
         if not _head(archive).startswith(ZIP):
             raise InputError(f"There is no file {path}: {archive} is a file and no zip archive.")
         return _unzipped(archive, member, options, depth)
+    if not path.exists():
+        raise FileNotFoundError(path)
     if path.is_dir() and not is_bag_folder(path):
         raise InputError(f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}).")
     if path.is_file() and path.stat().st_size == 0:
@@ -141,9 +146,21 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
             return _held(unpacked(path, suffix), path.name, options, depth)
         if head.startswith(ZIP) and _is_archive(path, options):
             return _unzipped(path, None, options, depth)
-        if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
-            raise InputError(pickled(path.name))
+        _refuse_pickles(path, head)
+        if (rewritten := _rewriter(path, options)) is not None:
+            return _held(rewritten(path), path.name, options, depth)
     return _by_format(path, options)
+
+
+def _refuse_pickles(path: Path, head: bytes) -> None:
+    if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
+        raise InputError(pickled(path.name))
+
+
+def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | None:
+    """What writes a text as a table that is none; None for all other files."""
+    text = options.format in (None, "csv") and options.protocol is None and path.suffix.lower() in TEXTS
+    return rewriter_of(_head(path, LOOK)) if text else None
 
 
 def _of_two(path: Path, options: ReadOptions) -> Source:

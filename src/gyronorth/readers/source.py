@@ -114,6 +114,7 @@ class Source:
     truth_follows_axes: bool = False  # the true heading belongs to the usual axes alone
     topic: str | None = None  # where the messages come from, in a bag or an MCAP file
     notes: tuple[Note, ...] = ()  # remarks on how the file is read
+    remarks: Callable[[], tuple[Note, ...]] = tuple  # further ones, on the blocks that are read up to now
     parts: Parts | None = None  # None: it can only be read as a whole
     questions: tuple[Question, ...] = ()  # what must be declared before it can be read
     read_as: str = ""  # what each column was taken for, for people

@@ -18,6 +18,9 @@ GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
     "mdeg/s": ("mdeg/s", "mdps", "millideg/s", "mdeg/sec", "mdegs", "mdeg_s"),
     "mrad/s": ("mrad/s", "mrad/sec", "mrads", "mradps", "mrad_s"),
     "arcsec/s": ("arcsec/s", "as/s", "asec/s", "arcsec/sec", "arcsecond/s", "arcseconds/s", '"/s', "''/s", "arcsec_s"),
+    "urad/s": ("urad/s", "urad/sec", "microrad/s", "uradps"),
+    "deg/min": ("deg/min", "degree/min", "degrees/min", "deg/minute", "dpm"),
+    "rpm": ("rpm", "rev/min", "r/min"),
 }  # fmt: skip
 ACCEL_SPELLINGS: dict[str, tuple[str, ...]] = {
     "m/s2": ("m/s2", "m/s^2", "m/s/s", "m/s**2", "ms2", "mps2", "ms-2", "m_s2", "m_s_2", "mss", "m/ss", "m/sec2",
@@ -26,6 +29,8 @@ ACCEL_SPELLINGS: dict[str, tuple[str, ...]] = {
     "mg": ("mg", "millig", "milli-g", "mgee"),
     "ug": ("ug", "microg", "micro-g"),
     "cm/s2": ("cm/s2", "cm/s^2", "gal", "cms-2"),
+    "mm/s2": ("mm/s2", "mm/s^2", "mms-2", "mm/s/s"),
+    "ft/s2": ("ft/s2", "ft/s^2", "ft/sec^2", "fps2"),
 }  # fmt: skip
 #: Angle and velocity a sample, by the unit that their sum over a second has.
 ANGLE_SPELLINGS: dict[str, tuple[str, ...]] = {
@@ -39,11 +44,20 @@ VELOCITY_SPELLINGS: dict[str, tuple[str, ...]] = {
     "g": ("gs", "g*s", "g·s", "gsec"),
 }
 TIME_SPELLINGS: dict[str, tuple[str, ...]] = {
-    "s": ("s", "sec", "secs", "second", "seconds"),
-    "ms": ("ms", "msec", "msecs", "millis", "millisecond", "milliseconds", "millisec"),
-    "us": ("us", "usec", "usecs", "micros", "microsecond", "microseconds", "microsec"),
-    "ns": ("ns", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds", "nanosec"),
+    "s": ("s", "sec", "secs", "second", "seconds", "с", "сек", "秒"),
+    "ms": ("ms", "мс", "毫秒", "msec", "msecs", "millis", "millisecond", "milliseconds", "millisec"),
+    "us": ("us", "мкс", "微秒", "usec", "usecs", "micros", "microsecond", "microseconds", "microsec"),
+    "ns": ("ns", "нс", "nsec", "nsecs", "nanos", "nanosecond", "nanoseconds", "nanosec"),
 }
+#: s in longer units of time, which stand in brackets only.
+LONG_TIMES = (
+    (60.0, ("min", "mins", "minute", "minutes")),
+    (3600.0, ("h", "hr", "hrs", "hour", "hours")),
+    (86400.0, ("d", "day", "days")),
+)
+_SCALED = re.compile(
+    r"\s*[x*×]?\s*(?:10\^?(-\d+)|(\d+(?:\.\d*)?(?:e[+-]?\d+)?))\s*[x*×·]?\s*([^\d\s^.,].*)", re.IGNORECASE
+)
 _PLAIN = str.maketrans(
     {"°": "deg", "º": "deg", "˚": "deg", "µ": "u", "μ": "u", "²": "2", "⁻": "-", "¹": "1", "−": "-", "·": "",
      "⋅": "", "*": "", "(": "", ")": "", "[": "", "]": "", "{": "", "}": "", "\ufffd": "deg"}
@@ -68,10 +82,27 @@ def spelled(text: str, spellings: dict[str, tuple[str, ...]]) -> str | None:
     return None
 
 
+def scaled(text: str) -> tuple[float, str]:
+    """How many of a unit one number counts, and that unit.
+
+    Examples
+    --------
+    >>> scaled("0.01 deg/s"), scaled("100us"), scaled("10^-3 g"), scaled("deg/s"), scaled("min")
+    ((0.01, 'deg/s'), (100.0, 'us'), (0.001, 'g'), (1.0, 'deg/s'), (60.0, 's'))
+    """
+    for seconds, names in LONG_TIMES:
+        if text.strip().lower() in names:
+            return seconds, "s"
+    match = _SCALED.fullmatch(text)
+    if match is None:
+        return 1.0, text
+    return float(f"1e{match[1]}" if match[1] else match[2]), match[3]
+
+
 def is_unit(text: str) -> bool:
     """Whether a cell of a row below the titles holds nothing but a unit."""
     tables = (GYRO_SPELLINGS, ACCEL_SPELLINGS, ANGLE_SPELLINGS, VELOCITY_SPELLINGS, TIME_SPELLINGS, _OTHERS)
-    return any(spelled(text, table) is not None for table in tables)
+    return any(spelled(each, table) is not None for table in tables for each in (text, scaled(text)[1]))
 
 
 #: Units of other columns, which a row of units holds too.

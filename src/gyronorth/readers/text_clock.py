@@ -13,8 +13,8 @@ from gyronorth.errors import InputError
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import TIME_UNITS
 from gyronorth.readers.source import Clock, Question
-from gyronorth.readers.times import DAY, WEEK, ClockColumns, time_text
-from gyronorth.readers.titles import Title
+from gyronorth.readers.times import DAY, WEEK, ClockColumns, is_compact, time_text
+from gyronorth.readers.titles import COUNTER_WORDS, TIME_WORDS, Title
 
 #: Sample rates, Hz, by which the unit of a time is told where no title states it; no two units share one.
 TOLD_RATES = (25.0, 5000.0)
@@ -24,8 +24,12 @@ SECONDS_RATES = (0.5, 20000.0)
 SAME_RATE = 0.05
 #: The time since 1970 in seconds, from 2001 to 2039; larger by a thousand for each smaller unit.
 EPOCH_S = (1.0e9, 2.2e9)
+#: Days since 1900 of spreadsheets, since year 0 of MATLAB, Julian days: from about 1990 to 2070.
+DAY_NUMBERS = ((32000.0, 62500.0), (726000.0, 757000.0), (2447000.0, 2478000.0))
 #: Words of a title that is seconds of the GPS week.
-OF_THE_WEEK = frozenset(("sow", "tow", "towms"))
+OF_THE_WEEK = frozenset(("sow", "tow", "towms", "gpstow", "itow"))
+#: Seconds in one unit of the parts of a second that stand beside whole seconds.
+PARTS_OF_A_SECOND = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass(frozen=True)
@@ -61,24 +65,27 @@ def find_clock(
     part = parts[position] if parts else Title("time", ())
     if not layout.rows:
         return FoundClock(Clock(1.0, name=title), None, position, title)
-    if time_unit and part.unit and time_unit != part.unit:
+    if time_unit and part.unit and (time_unit, 1.0) != (part.unit, part.scale):
         raise InputError(f"{title} states {part.unit}; {time_unit} is declared. Leave --time-unit out, or correct it.")
-    if position in layout.texts or ":" in layout.rows[0][position]:
-        return _written(layout, position, title)
+    if position in layout.texts or ":" in layout.rows[0][position] or is_compact(layout.rows[0][position]):
+        return _written(layout, position, title, rate_hz)
     of_day = {kind: [i for i, each in enumerate(parts) if each.kind == kind] for kind in ("hour", "minute")}
     if all(len(found) == 1 for found in of_day.values()):
         hour, minute = of_day["hour"][0], of_day["minute"][0]
-        columns = ClockColumns((hour, minute, position), (3600.0, 60.0, 1.0))
+        parts_of = [i for i, each in enumerate(parts) if each.kind == "time" and each.unit in PARTS_OF_A_SECOND]
+        behind = [i for i in parts_of if i != position and _is_part(layout, position, i, parts[i].unit or "ns")][:1]
+        factors = (3600.0, 60.0, 1.0, *(PARTS_OF_A_SECOND[parts[i].unit or "ns"] for i in behind))
+        columns = ClockColumns((hour, minute, position, *behind), factors)
         return FoundClock(Clock(1.0, DAY, title, known=True), columns, position, f"hours, minutes and {title}")
     partner = _partner(parts, position)
     if partner is not None and parts[partner].kind == "week":
-        unit = TIME_UNITS[time_unit or part.unit or "s"]
+        unit = TIME_UNITS[time_unit or part.unit or "s"] * part.scale
         columns = ClockColumns((partner, position), (WEEK, unit))
         return FoundClock(
             Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
         )
-    if partner is not None:
-        columns = ClockColumns((position, partner), (1.0, 1e-9))
+    if partner is not None and _is_part(layout, position, partner, parts[partner].unit or "ns"):
+        columns = ClockColumns((position, partner), (1.0, PARTS_OF_A_SECOND[parts[partner].unit or "ns"]))
         return FoundClock(
             Clock(1.0, name=title, known=True), columns, position, f"{title} and {layout.titles[partner]}"
         )
@@ -87,7 +94,7 @@ def find_clock(
     unit, question, why = _unit(numbers(layout, position), time_unit, part, title, rate_hz)
     stated_unit = bool(time_unit or part.unit)
     wrap = WEEK / unit if set(part.words) & OF_THE_WEEK else None
-    name = {scale: text for text, scale in TIME_UNITS.items()}[unit]
+    name = {scale: text for text, scale in TIME_UNITS.items()}.get(unit, f"{unit:g} s")
     stated = "" if f"({name})" in title or f"[{name}]" in title else f" ({name}{why})"
     return FoundClock(Clock(unit, wrap, name=title, known=stated_unit), None, position, f"{title}{stated}", question)
 
@@ -105,7 +112,9 @@ def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:
             continue
         score = {"time": 0.0, "counter": 10.0}[part.kind] + 0.01 * position
         score += 0.0 if part.unit or text or part.words in (("time",), ("t",), ("timestamp",)) else 1.0
-        score += 2.0 if part.unit == "ns" and _partner(parts, position) is None and len(part.words) > 1 else 0.0
+        score += 5.0 if part.words and not set(part.words) & (TIME_WORDS | COUNTER_WORDS) else 0.0  # by its unit alone
+        whole = any(other.words == part.words and other.unit == "s" for other in parts)
+        score += 2.0 if part.unit in PARTS_OF_A_SECOND and whole else 0.0
         if best is None or score < best[0]:
             best = (score, position)
     return None if best is None else best[1]
@@ -128,7 +137,7 @@ def _runs(time: NDArray[np.float64]) -> bool:
     return len(step) == 0 or (float(np.mean(step >= 0)) > 0.8 and bool((step > 0).any()))
 
 
-def _written(layout: TextLayout, position: int, title: str) -> FoundClock:
+def _written(layout: TextLayout, position: int, title: str, rate_hz: float | None) -> FoundClock:
     """A column of dates or times of day, with a column of dates before it if there is one."""
     fields = [row[position] for row in layout.rows if row[position]][:50]
     positions = (position,)
@@ -138,7 +147,9 @@ def _written(layout: TextLayout, position: int, title: str) -> FoundClock:
         if both is not None:
             text, positions = both, (position - 1, position)
     if text is None:
-        question = Question(f"{title} is {fields[0][:40] if fields else ''!r}, which is no time.", ("--columns", "t=-"))
+        rate = () if rate_hz else ("--rate", "HZ")
+        says = f"{title} is {fields[0][:40] if fields else ''!r}, which is no time that is known here."
+        question = Question(says, ("--columns", "t=-", *rate), certain=False)
         return FoundClock(Clock(1.0, name=title), None, position, title, question)
     return FoundClock(
         Clock(1.0, text.wrap, title, known=True), ClockColumns(positions, text=text), position, f"{title} ({text.form})"
@@ -155,9 +166,16 @@ def _partner(parts: Sequence[Title], position: int) -> int | None:
         return weeks[0]
     for i, other in enumerate(parts):
         beside = other.words == part.words and i != position and other.kind == "time"
-        if beside and part.unit == "s" and other.unit == "ns":
+        if beside and part.unit == "s" and other.unit in PARTS_OF_A_SECOND:
             return i
     return None
+
+
+def _is_part(layout: TextLayout, seconds: int, part: int, unit: str) -> bool:
+    """Whether a column holds the parts of the whole seconds in another, and not the same time once more."""
+    whole, parts = numbers(layout, seconds), numbers(layout, part) * PARTS_OF_A_SECOND[unit]
+    whole, parts = whole[np.isfinite(whole)], parts[np.isfinite(parts)]
+    return bool((whole == np.rint(whole)).all() and (parts >= 0).all() and (parts < 1).all())
 
 
 def _unit(
@@ -165,7 +183,7 @@ def _unit(
 ) -> tuple[float, Question | None, str]:
     """Seconds in one unit of a time, a question where that is open, and why for people."""
     if declared or part.unit:
-        return TIME_UNITS[declared or part.unit or "s"], None, ""
+        return TIME_UNITS[declared or part.unit or "s"] * part.scale, None, ""
     time = time[np.isfinite(time)]
     step = np.diff(time)
     step = step[step > 0]
@@ -177,13 +195,15 @@ def _unit(
         low, high = (bound * 1000.0**power for bound in EPOCH_S)
         if low <= float(median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
             return unit, None, f", since 1970: {time[0]:.10g}" if name != "s" else ""
+    if 1 / mean > SECONDS_RATES[1] and any(low < time[0] < high for low, high in DAY_NUMBERS):
+        return DAY, None, ", days"
     whole = bool(np.allclose(time, np.rint(time), rtol=0, atol=1e-6))
     if not whole and SECONDS_RATES[0] <= 1 / mean <= SECONDS_RATES[1]:
         return 1.0, None, ""
     by_rate = [unit for unit in TIME_UNITS.values() if rate_hz and abs(1 / (mean * unit) / rate_hz - 1) < SAME_RATE]
     if by_rate:
         return by_rate[0], None, f", {rate_hz:g} Hz"
-    if whole and np.allclose(step, 1, rtol=0, atol=1e-6):
+    if whole and np.allclose(step, 1, rtol=0, atol=1e-6) and len(step) > 0.9 * (len(time) - 1):
         says = f"{title} counts in whole numbers, each 1 more than the last: milliseconds (1000 Hz), or seconds?"
         return 1.0, Question(says, ("--time-unit", "ms"), certain=False), ""
     told = [(name, unit) for name, unit in TIME_UNITS.items() if TOLD_RATES[0] <= 1 / (mean * unit) <= TOLD_RATES[1]]

@@ -12,13 +12,23 @@ from numpy.typing import NDArray
 DAY = 86400.0
 #: Week of GPS time, s.
 WEEK = 604800.0
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _CLOCK = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)"
 _ZONE = r"\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?"
 _HALVES = rf"{_CLOCK}\s*([AaPp][Mm])?{_ZONE}"
 #: Name of a way to write times -> its pattern, a line at a time: date in up to three parts, hours, minutes, seconds.
+_COMPACT = r"(\d{4})(\d{2})(\d{2})[T_ -]?(\d{2})(\d{2})(\d{2}\.?\d*)"
 _FORMS = {
     "date and time": rf"^\"?(\d{{4}})[-/.](\d{{1,2}})[-/.](\d{{1,2}})[T ]\s*{_CLOCK}()?{_ZONE}\"?$",
     "date (day or month first) and time": rf"^\"?(\d{{1,2}})[-/.](\d{{1,2}})[-/.](\d{{4}})[T ,]\s*{_HALVES}\"?$",
+    "date with the month in letters and time": (
+        rf"^\"?(\d{{1,2}})[-/. ]([A-Za-z]{{3}})[-/. ](\d{{4}})[T ,]\s*{_HALVES}\"?$"
+    ),
+    "date (day or month first, year of two digits) and time": (
+        rf"^\"?(\d{{1,2}})[-/.](\d{{1,2}})[-/.](\d{{2}})[T ,]\s*{_HALVES}\"?$"
+    ),
+    "date and time without signs": rf"^\"?{_COMPACT}()?{_ZONE}\"?$",
+    "days and time": rf"^\"?(\d+)\s*days?,?\s+()(){_CLOCK}()\"?$",
     "time of day": rf"^\"?()()(){_HALVES}\"?$",
     "minutes and seconds": r"^\"?()()()()(\d{1,2}):(\d{2}[.,]\d+)()\"?$",
 }
@@ -44,6 +54,8 @@ class TimeText:
             return None if fields else np.zeros(0)
         columns = list(zip(*found, strict=True))
         second = [re.sub(r":(\d+)$", r".\1", text).replace(",", ".") for text in columns[5]]
+        if self.form == "date and time without signs":
+            second = [text if "." in text else f"{text[:2]}.{text[2:]}" for text in second]
         time = np.array(second, dtype=float) + 60.0 * np.array(columns[4], dtype=float)
         if columns[3][0]:
             hour = np.array(columns[3], dtype=float)
@@ -59,9 +71,18 @@ class TimeText:
         return time
 
     def _day(self, parts: tuple[str, ...]) -> int | None:
+        if self.form == "days and time":
+            return int(parts[0])
+        letters = parts[1].lower()
+        if letters in _MONTHS:
+            parts = (parts[0], str(_MONTHS.index(letters) + 1), parts[2])
+        if not "".join(parts).isdigit():
+            return None
         first, second, third = map(int, parts)
+        if self.form.endswith("two digits) and time"):
+            third += 2000
         year, month, day = (first, second, third) if first > 31 or third < 1000 else (third, first, second)
-        if year == third and self.day_first:
+        if year == third and (self.day_first or letters in _MONTHS):
             month, day = day, month
         try:
             return date(year, month, day).toordinal()
@@ -82,16 +103,27 @@ class ClockColumns:
         return None if self.text is None else self.text.seconds(fields)
 
 
+def is_compact(text: str) -> bool:
+    """Whether digits alone are a date and a time: 20240301T115800.000, 20240301115800000."""
+    match = re.match(rf'"?{_COMPACT}', text)
+    if match is None or not 1900 <= int(match[1]) < 2100:
+        return False
+    month, day, hour, minute, second = (int(match[i][:2]) for i in range(2, 7))
+    return 1 <= month <= 12 and 1 <= day <= 31 and hour < 24 and minute < 60 and second < 60
+
+
 def time_text(fields: list[str]) -> TimeText | None:
     """How these fields, the first ones of a column, tell the time; None if they are no times."""
     joined = "\n".join(fields)
-    for form, pattern in _FORMS.items() if ":" in joined else ():
+    for form, pattern in _FORMS.items() if ":" in joined or (fields and is_compact(fields[0])) else ():
         found = re.findall(pattern, joined, re.M)
         if not fields or len(found) != len(fields):
             continue
         if not found[0][0]:
             return TimeText(form)
         # A day beyond 12 tells; dots are used where the day comes first.
+        if len({parts[0] for parts in found}) > 1 and form == "date and time without signs":
+            continue  # a number that counts
         day_first = any(int(parts[0]) > 12 for parts in found) or bool(re.match(r'"?\d{1,2}\.', fields[0]))
         text = TimeText(form, day_first)
         origin = text._day(found[0][:3])

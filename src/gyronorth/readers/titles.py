@@ -17,6 +17,7 @@ from gyronorth.readers.spellings import (
     GYRO_SPELLINGS,
     TIME_SPELLINGS,
     VELOCITY_SPELLINGS,
+    scaled,
     spelled,
 )
 
@@ -55,6 +56,7 @@ OTHER_WORDS = frozenset(
 )
 TIME_WORDS = frozenset(
     """
+    tv gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
@@ -65,6 +67,10 @@ COUNTER_WORDS = frozenset(
     counter count seq sequence packetcounter index idx frame frames sample samples n no number num packet line
     row cycle i
     """.split()  # noqa: SIM905
+)
+#: Words of columns in a unit of time that are no clock.
+SPAN_WORDS = frozenset(
+    ("dt", "delta", "exposure", "latency", "duration", "delay", "age", "period", "interval", "lag", "rtt")
 )
 _AXES = {"x": 0, "y": 1, "z": 2}
 #: Rates about the body axes, by the words of flight mechanics.
@@ -90,6 +96,7 @@ class Title:
     axis: int | None = None  # 0, 1, 2 for x, y, z
     unit: str | None = None
     increments: bool = False  # angle or velocity a sample
+    scale: float = 1.0  # of its unit in one number
 
 
 @dataclass(frozen=True)
@@ -101,6 +108,7 @@ class Triple:
     label: str  # for people: "Gyro X..Z"
     unit: str | None
     increments: bool | None  # None: not known
+    scale: float = 1.0  # of its unit in one number
 
 
 def take_apart(title: str, unit: str = "") -> Title:
@@ -109,7 +117,7 @@ def take_apart(title: str, unit: str = "") -> Title:
     Examples
     --------
     >>> take_apart("Gyro X (deg/s)")
-    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False)
+    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False, scale=1.0)
     >>> take_apart("a_RS_S_y [m s^-2]").kind, take_apart("time_us").unit
     ('accel', 'us')
     """
@@ -136,8 +144,13 @@ def _behind_slash(title: str) -> tuple[str, str, str]:
 
 
 def _title(words: list[str], axis: int | None, candidates: list[str]) -> Title:
-    found = _unit_of(candidates)
+    found, scale = _unit_of(candidates), 1.0
     named = words
+    for text in candidates if not found else ():
+        scale, text = scaled(text)
+        if scale != 1 and (found := _unit_of([text])):
+            break
+        scale = 1.0
     if not found:
         for length in (3, 2, 1):  # a unit among the words: gx_dps, gyro_rad_s, accel_m_s2_x
             for start in range(len(words) - length, 0 if length == 1 else -1, -1):
@@ -148,13 +161,15 @@ def _title(words: list[str], axis: int | None, candidates: list[str]) -> Title:
                     break
             if found:
                 break
-    kind, increments = _kind(named, axis, found)
+    kind, increments = _kind(named, axis, found, stated=bool(candidates))
     unit = _unit_for(kind, found, increments)
+    if kind == "time" and unit is None and len(named) == 1 and (bare := spelled(named[0], TIME_SPELLINGS)):
+        unit, named = bare, []  # sec, nanosec
     if kind in ("gyro", "accel") and unit is None and found and not increments:
         angle = found.get("angle" if kind == "gyro" else "velocity")
         increments = bool(angle and any(word in ("increment", "increments", "inc", "delta") for word in named))
         unit = angle if increments else None
-    return Title(kind, tuple(named), axis, unit, increments)
+    return Title(kind, tuple(named), axis, unit, increments, scale if unit else 1.0)
 
 
 def _unit_of(candidates: Sequence[str]) -> dict[str, str]:
@@ -198,12 +213,18 @@ def _axis(words: list[str]) -> tuple[int | None, list[str]]:
     return None, words
 
 
-def _kind(words: list[str], axis: int | None, found: dict[str, str]) -> tuple[str, bool]:
-    """The kind of a column by its words, its axis and its unit, and whether it holds increments."""
+def _kind(words: list[str], axis: int | None, found: dict[str, str], *, stated: bool) -> tuple[str, bool]:
+    """The kind of a column by its words, its axis and its unit, and whether it holds increments.
+
+    A unit of time that is `stated` behind the title makes a time of words that are not known.
+    """
     if axis is not None and words and set(words) & OTHER_WORDS:
         return "", False
     kind, increments = ("", False) if axis is None else _sensor(words, found)
-    return (kind or (_other(words) if axis is None or not words else "")), increments
+    other = kind or (_other(words) if axis is None or not words else "")
+    if not other and axis is None and stated and "time" in found and not set(words) & (OTHER_WORDS | SPAN_WORDS):
+        other = "time"
+    return other, increments
 
 
 def _sensor(words: list[str], found: dict[str, str]) -> tuple[str, bool]:
@@ -213,8 +234,8 @@ def _sensor(words: list[str], found: dict[str, str]) -> tuple[str, bool]:
     for kind, increments, table in tables:
         if any(set(group) <= have for group in table):
             return kind, increments
-    for kind, letters in (("gyro", GYRO_LETTERS), ("accel", ACCEL_LETTERS)):
-        if words and words[0] in letters:
+    for kind, letters, other in (("gyro", GYRO_LETTERS, "accel"), ("accel", ACCEL_LETTERS, "gyro")):
+        if words and words[0] in letters and not (other in found and kind not in found):
             return kind, False
     # A unit tells too: X (deg/s), alpha_x [m/s^2].
     return ("gyro" if "gyro" in found else "accel" if "accel" in found else ""), False
@@ -249,7 +270,8 @@ def triples(titles: Sequence[str], parts: Sequence[Title]) -> list[Triple]:
         x, y, z = (family[axis][0] for axis in axes)
         units = {parts[position].unit for position in (x, y, z)}
         unit = units.pop() if len(units) == 1 else None
-        found.append(Triple(kind, (x, y, z), label(titles[x], titles[z]), unit, True if increments else None))
+        scale = parts[x].scale if len({parts[position].scale for position in (x, y, z)}) == 1 else float("nan")
+        found.append(Triple(kind, (x, y, z), label(titles[x], titles[z]), unit, True if increments else None, scale))
     return found
 
 

@@ -6,24 +6,28 @@ import textwrap
 from math import isfinite
 from typing import TYPE_CHECKING, TextIO
 
-from gyronorth.report.wording import number_text, verdict_text
+from gyronorth.report.wording import fixed_text, verdict_text
 
 if TYPE_CHECKING:
     from gyronorth.estimate import HeadingEstimate
     from gyronorth.findings import Check
 
+#: Decimals of a value and its limit, by unit.
+DECIMALS = {"s": 1, "g": 4}
 #: Width of the explanation, columns.
 WIDTH = 100
 
 
 def value_text(check: Check) -> str:
     """What was measured, with its unit."""
-    return _with_unit(check.value, check)
+    return _in_words(check.value, check)
 
 
 def limit_text(check: Check) -> str:
-    """What it was held against: a least length, else a largest value."""
-    return ("≥ " if check.unit == "s" else "≤ ") + _with_unit(check.limit, check)
+    """What it was held against: a least length, else a largest value; no angle is beyond half a turn."""
+    if check.unit == "deg" and check.limit > 180:
+        return "none"
+    return ("≥ " if check.unit == "s" else "≤ ") + _in_words(check.limit, check)
 
 
 def share(check: Check) -> float:
@@ -53,8 +57,11 @@ def print_checks(estimate: HeadingEstimate, stream: TextIO) -> None:
         stream.write("\nThe method judges its result itself: no gate applies.\n")
 
 
-def _with_unit(value: float, check: Check) -> str:
+def _in_words(value: float, check: Check) -> str:
+    """With the decimals of its unit, or as many more as tell a failed value from its limit."""
     if not isfinite(value):
         return "no finite value"
-    decimals = 2 if abs(value) < 100 else 1 if abs(value) < 1000 else 0
-    return number_text(value, decimals=decimals, unit=check.unit)
+    decimals = DECIMALS.get(check.unit, 2) if abs(value) < 10_000 else 0
+    while not check.passed and decimals < 9 and round(check.value, decimals) == round(check.limit, decimals):
+        decimals += 1
+    return f"{fixed_text(value, decimals=decimals)} {check.unit}"

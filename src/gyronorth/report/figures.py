@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from io import StringIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import matplotlib as mpl
@@ -21,11 +22,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from gyronorth.angles import DEG_PER_HOUR, wrap
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.files import written_beside
-from gyronorth.report.wording import duration_text, part_name
+from gyronorth.report.wording import duration_text, heading_text, number_text, part_name, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -68,6 +68,8 @@ SETTINGS: Any = {
     "legend.fontsize": 8.5,
     "svg.fonttype": "none",
 }
+#: Characters of a file name above a figure.
+LONGEST_NAME = 80
 
 
 def heading_figure(
@@ -76,15 +78,41 @@ def heading_figure(
     *,
     heading_true: float | None = None,
     deviation: AllanDeviation | None = None,
+    name: str = "",
 ) -> Figure:
-    """Convergence of one heading and, where given, the Allan deviation of its recording below it."""
+    """Convergence of one heading and, where given, the Allan deviation of its recording below it.
+
+    Above both stands what the picture must say when it is alone: file, heading and sigma, verdict, method.
+    """
     with mpl.rc_context(SETTINGS):
         figure = new_figure(8.0, 4.4 if deviation is None else 8.4)
         axes = figure.subplots(1 if deviation is None else 2, 1, squeeze=False)[:, 0]
         draw_convergence(axes[0], convergence, estimate, heading_true=heading_true)
         if deviation is not None:
             draw_allan(axes[1], deviation)
+        figure.suptitle(verbatim(_headline(estimate, name)), x=0.02, ha="left", fontsize=11, color=INK)
     return figure
+
+
+def _headline(estimate: HeadingEstimate, name: str) -> str:
+    """File, heading and sigma, verdict, method; a refused heading is not repeated."""
+    if estimate.valid and estimate.heading is not None and estimate.sigma is not None:
+        heading = heading_text(np.degrees(estimate.heading))
+        found = f"heading {heading} ± {number_text(np.degrees(estimate.sigma))} deg, valid"
+    else:
+        found = f"refused: {', '.join(dict.fromkeys(reason.code for reason in estimate.reasons))}"
+    return f"{_shortened(name)}\n{found}; method {estimate.method}".lstrip()
+
+
+def _shortened(name: str) -> str:
+    """A file name that fits the width of a figure: of a longer one the end."""
+    name = printable(name)
+    return name if len(name) <= LONGEST_NAME else "…" + name[1 - LONGEST_NAME :]
+
+
+def verbatim(text: str) -> str:
+    """A text as matplotlib can show it: a dollar sign begins no formula; bytes that are no UTF-8 are written out."""
+    return text.replace("$", r"\$").encode(errors="backslashreplace").decode()
 
 
 def convergence_figure(
@@ -108,7 +136,7 @@ def allan_figure(deviation: AllanDeviation) -> Figure:
 def draw_convergence(
     axes: Axes, convergence: Convergence, estimate: HeadingEstimate, *, heading_true: float | None = None
 ) -> None:
-    """Heading against time with its 95 % band, turns taken out, about the final heading, and the truth if known."""
+    """Heading against time with its 95 % band, turns taken out, about the final heading, and the reference if known."""
     axes.set(title="Heading against time", xlabel="time from the start (s)", ylabel="heading (deg)")
     final = estimate.heading
     known = np.isfinite(convergence.heading)
@@ -134,7 +162,7 @@ def draw_convergence(
     if heading_true is not None:
         truth = float(np.degrees(final + wrap(heading_true - final)))
         axes.axhline(
-            truth, color=RED, linestyle="--", linewidth=1.3, label=f"truth, {np.degrees(heading_true):.2f} deg"
+            truth, color=RED, linestyle="--", linewidth=1.3, label=f"reference, {np.degrees(heading_true):.2f} deg"
         )
         levels.append(truth)
     margin = 0.08 * (max(levels) - min(levels)) + 1e-3
@@ -166,6 +194,7 @@ def characterisation_figure(found: Characterisation) -> Figure:
         draw_allan(axes[0], found.gyro.deviation, model=found.gyro.triad)
         if found.accel is not None:
             draw_allan(axes[1], found.accel.deviation, model=found.accel.triad, sensor="accelerometer")
+        figure.suptitle(verbatim(_shortened(Path(found.source).name)), x=0.02, ha="left", fontsize=11, color=INK)
     return figure
 
 
@@ -204,7 +233,7 @@ def plan_figure(plan: Plan) -> Figure:
             axes.set(xlabel="time standing still (s)", ylabel="heading sigma (deg)")
             logarithmic(axes)
         total = np.degrees(plan.sigma)
-        where = f"{plan.sensor.name.replace('$', chr(92) + '$')} at {np.degrees(plan.latitude):.4g} deg, {plan.method}"
+        where = f"{verbatim(plan.sensor.name)} at {np.degrees(plan.latitude):.4g} deg, {plan.method}"
         parts.set(title=f"Expected heading sigma: {where}", xlim=(plan.duration[0], plan.duration[-1]))
         parts.plot(plan.duration, total, color=INK, linewidth=2.4, label="together")
         styles = zip((BLUE, RED, GREEN, PINK), ("-", "--", "-.", ":"), strict=True)
@@ -212,7 +241,7 @@ def plan_figure(plan: Plan) -> Figure:
             if value.any():
                 parts.plot(plan.duration, np.degrees(value), color=colour, linestyle=line, label=part_name(part))
         if plan.useful_duration is not None and plan.shortest_duration is not None:
-            label = f"waiting helps until {duration_text(plan.useful_duration)}"
+            label = f"sigma levels off after {duration_text(plan.useful_duration)}"
             parts.axvline(plan.useful_duration, color=FAINT, linewidth=1.2, linestyle=(0, (1, 1.5)), label=label)
         bottom, top = parts.get_ylim()
         parts.set_ylim(max(total.min() / 300, bottom), min(200, top))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from math import degrees
 from pathlib import PurePath
@@ -17,6 +18,7 @@ from gyronorth.report.checks import limit_text, share, value_text
 from gyronorth.report.comparison import Opinion
 from gyronorth.report.dial import arc_path, density_path, on_circle, quadrant_seconds, sector_path
 from gyronorth.report.figures import allan_figure, convergence_figure, svg_text
+from gyronorth.report.residual import Residual, residual_figure
 from gyronorth.report.sensors import figure_texts
 from gyronorth.report.spectrum import Spectrum, spectrum_figure
 from gyronorth.report.tables import Outcome
@@ -45,6 +47,7 @@ def heading_page(
     inputs: Sequence[tuple[str, str]] = (),
     sensor: Sensor | None = None,
     spectrum: Spectrum | None = None,
+    residual: Residual | None = None,
     opinions: Sequence[Opinion] = (),
 ) -> str:
     """The page as text: no script, no external resource, light and dark, readable on a phone.
@@ -63,6 +66,8 @@ def heading_page(
         The profile, whose figures are shown.
     spectrum : Spectrum, optional
         Of the gyro; left out for records that are too short.
+    residual : Residual, optional
+        Of the gyro; left out for records that are too short.
     opinions : sequence of Opinion
         The headings of other methods beside the estimate.
     """
@@ -71,6 +76,7 @@ def heading_page(
         raise ValueError(f"{outcome.file} has no estimate to report: {outcome.message}")
     doc = estimate.to_json()
     true_deg, error_deg = outcome.truth_deg()
+    white = None if sensor is None else sensor.gyro.white
     figure = convergence_figure(convergence, estimate, heading_true=outcome.heading_true)
     return (
         _environment()
@@ -86,7 +92,14 @@ def heading_page(
             dial=_dial(doc, estimate.posterior),
             convergence_svg=svg_text(figure, salt="convergence"),
             allan_svg=None if deviation is None else svg_text(allan_figure(deviation), salt="allan"),
-            spectrum_svg=None if spectrum is None else _spectrum(spectrum, sensor),
+            spectrum_svg=None
+            if spectrum is None
+            else svg_text(spectrum_figure(spectrum, white=white), salt="spectrum"),
+            residual_svg=None
+            if residual is None
+            else svg_text(residual_figure(residual, white=white), salt="residual"),
+            sensor_white=white,
+            residual_span=None if residual is None else number_text(residual.span, unit="s"),
             opinions=opinions if len(opinions) > 1 else (),
             checks=_checks(estimate),
             figures="" if sensor is None else "; ".join(f"{name} {value}" for name, value in figure_texts(sensor)),
@@ -102,6 +115,7 @@ def heading_page(
     )
 
 
+@cache
 def _environment() -> Environment:
     environment = Environment(
         loader=PackageLoader("gyronorth.report", "templates"),
@@ -119,11 +133,6 @@ def _environment() -> Environment:
         "plain": plain_text,
     }
     return environment
-
-
-def _spectrum(spectrum: Spectrum, sensor: Sensor | None) -> str:
-    """The figure of the spectrum, with the noise of the profile where there is one."""
-    return svg_text(spectrum_figure(spectrum, white=None if sensor is None else sensor.gyro.white), salt="spectrum")
 
 
 def _checks(estimate: HeadingEstimate) -> list[dict[str, Any]]:

@@ -18,9 +18,9 @@ The status sentence is proprietary::
     reasons  their codes joined by ";", as many as fit in the 82 characters of a sentence
     hh       exclusive or of the characters between $ and *, hexadecimal
 
-The set "octans" is the output OCTANS STD 1 without what is not measured here (surge, sway, heave, speed): HEHDT,
-PHTRO (pitch, M bow up or P bow down; roll, T port up or B port down) and the status word PHINF, bits 0 to 3: heading,
-roll, pitch, position not valid (Reson, SeaBat 8101 Operator's Manual 3.02, p. 6-25).
+The set "octans" is the output OCTANS STD 1 without what is not measured here (surge, sway, speed, heave and with it
+PHTRH): HEHDT, PHTRO (pitch, M bow up or P bow down; roll, T port up or B port down) and the status word PHINF, bits 0
+to 3: heading, roll, pitch, position not valid (Reson, SeaBat 8101 Operator's Manual 3.02, p. 6-25).
 
 Sentences end with carriage return and line feed.
 """
@@ -77,7 +77,7 @@ def running_sentences(
     parts = (
         *([] if kind == "hdt" else [_ths(heading, "V" if heading is None else mode)]),
         *([] if kind == "ths" else _hdt(measured)),
-        sentence("HEROT,,V" if turn is None else f"HEROT,{degrees(turn) * 60:.1f},A"),
+        sentence("HEROT,,V" if turn is None else f"HEROT,{round(degrees(turn) * 60, 1) + 0.0:.1f},A"),
     )
     return *parts, _NOTHING_KNOWN if estimate is None else _status(estimate)
 

@@ -32,11 +32,11 @@ def print_plan(plan: Plan, stream: TextIO) -> None:
     if shortest is None:
         lines.append(("expect", "no heading: within a day the 95 % interval never tells north from south"))
     else:
-        gain = "beyond that sigma falls by less than 5 %"
-        waiting = "for more than half a day" if useful is None else f"for {duration_text(useful)}; {gain}"
+        gain = "waiting longer lowers sigma by less than 5 %"
+        level = "not within half a day" if useful is None else f"after {duration_text(useful)}: {gain}"
         lines += [
             ("a heading", f"from {duration_text(shortest)} on the 95 % interval tells north from south"),
-            ("waiting helps", waiting),
+            ("levels off", level),
             ("least sigma", number_text(min(doc["sigma_deg"]), unit="deg")),
         ]
     print_lines(lines, stream)

@@ -36,7 +36,7 @@ coefficient, the Allan minimum / 0.664. Bias: from power-up to power-up. --json 
 def figure_texts(sensor: Sensor) -> list[tuple[str, str]]:
     """The figures of a profile as (name, value with unit); one standard deviation of one axis each."""
     return [
-        (title, f"{_plain(getattr(getattr(sensor, triad), field) / one)} {unit}")
+        (title.replace(" B", " bias instability"), f"{_plain(getattr(getattr(sensor, triad), field) / one)} {unit}")
         for (title, unit), (triad, field, one) in FIGURES.items()
     ]
 

@@ -128,7 +128,10 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
     lines.append(("latitude", f"{number_text(doc['latitude_deg'], decimals=4)} deg; implied by the rate {implied}"))
     if doc["gyro_bias_deg_h"] is not None:
         lines.append(("gyro bias", with_sigma(doc["gyro_bias_deg_h"], doc["gyro_bias_sigma_deg_h"], unit="deg/h")))
-        lines.append(("scale factor", with_sigma(doc["scale_factor_ppm"], doc["scale_factor_sigma_ppm"], unit="ppm")))
+        if any(doc["scale_factor_sigma_ppm"]):  # of a profile without one it is no unknown
+            lines.append(
+                ("scale factor", with_sigma(doc["scale_factor_ppm"], doc["scale_factor_sigma_ppm"], unit="ppm"))
+            )
     for pose in doc["poses"] if len(doc["poses"]) > 1 else ():
         span = f"{pose['start_s']:g} to {pose['end_s']:g} s"
         lines.append(("pose", f"{span}: {heading_text(pose['heading_deg'])} deg"))

@@ -6,12 +6,13 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_augmentation import AUGMENTATION
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
+from gyronorth.studies.paper_flow import FLOW
 from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED, PROTOCOL_LEAK
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
@@ -41,6 +42,7 @@ STUDIES: tuple[Study, ...] = (
     SPREAD,
     COST,
     *VARIANTS,
+    FLOW,
     TURNED,
     DISTURBED,
     LONG,
@@ -50,7 +52,7 @@ STUDIES: tuple[Study, ...] = (
 
 
 def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
-    """The studies of a benchmark, or some of them by name.
+    """The studies of a benchmark but for those that run by name only, or some by name.
 
     Raises
     ------
@@ -59,13 +61,20 @@ def studies_of(benchmark: str, only: tuple[str, ...] = ()) -> list[Study]:
     """
     found = [study for study in STUDIES if study.benchmark == benchmark]
     if not found:
-        names = ", ".join(dict.fromkeys(study.benchmark for study in STUDIES))
-        raise InputError(f"There is no benchmark {benchmark!r} here; known are {names}.")
+        names = list(dict.fromkeys(study.benchmark for study in STUDIES))
+        hint = did_you_mean(benchmark, names)
+        raise InputError(f"There is no benchmark {benchmark!r} here; known are {', '.join(names)}.{hint}")
     unknown = [name for name in only if name not in {study.name for study in found}]
     if unknown:
-        names = ", ".join(study.name for study in found)
-        raise InputError(f"Benchmark {benchmark} has no study {unknown[0]!r}; it has {names}.")
-    return [study for study in found if not only or study.name in only]
+        names = [study.name for study in found]
+        hint = did_you_mean(unknown[0], names)
+        raise InputError(f"Benchmark {benchmark} has no study {unknown[0]!r}; it has {', '.join(names)}.{hint}")
+    return [study for study in found if (study.name in only if only else not study.by_name)]
+
+
+def left_out(benchmark: str, only: tuple[str, ...] = ()) -> list[str]:
+    """Names of the studies that a whole benchmark leaves out for their cost."""
+    return [] if only else [study.name for study in STUDIES if study.benchmark == benchmark and study.by_name]
 
 
 def run_benchmark(
@@ -88,7 +97,7 @@ def run_benchmark(
     executor : Executor
         Who does the units.
     only : tuple of str
-        Names of studies; all by default.
+        Names of studies; by default all that do not run by name only.
     progress : callable
         Called with the study's name, the units finished and their total.
     """

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,17 @@ from gyronorth.studies.work import Job, finished_units, with_needs
 
 #: CPU seconds of one thread, by layout, as the study `cost` measures them: an epoch of the denoiser, denoising the
 #: augmented recordings of a split, an epoch of the heading network.
-FLATTENED = (0.13, 8.0, 0.24)
+FLATTENED = (0.13, 3.5, 0.24)
 TEMPORAL = (6.6, 290.0, 5.8)
 #: An epoch of one of many heading networks trained at once, per 32 examples of a batch; a start of anything; all else.
 TOGETHER = 0.10
 START = 3.0
 OTHERS = 2.0
+#: Denoising for a split whose copies are mostly known from the splits before; a step of the flow; a recording judged.
+ALL_CLEANED = 0.5
+FLOW_STEP, FLOW_JUDGED = 0.1, 0.1
+#: Seconds between two lines of what remains.
+EVERY = 60.0
 #: Early stopping leaves out this share of the epochs.
 STOPPED = 0.4
 
@@ -35,7 +41,11 @@ def expected_seconds(job: Job) -> float:
         return START + cleaned + heading * length * (1 - STOPPED) * epochs
     if kind == "protocol_unit":
         count = len(job.arguments["splits"])
-        return START + count * (cleaned + TOGETHER * epochs * min(1.0, 40 / part.get("batch", 32)))
+        return START + count * (ALL_CLEANED * (cleaned > 0) + TOGETHER * epochs * min(1.0, 40 / part.get("batch", 32)))
+    if kind == "train_flow_unit":
+        return START + FLOW_STEP * settings.get("steps", 1500)
+    if kind == "judge_flow_unit":
+        return START + FLOW_JUDGED * job.arguments["runs"]
     return OTHERS
 
 
@@ -50,6 +60,48 @@ def told(jobs: Iterable[Job], folder: Path, workers: int | None) -> str:
         f"{len(order)} units of work, {len(done)} of them done; about {_time(left)} of CPU left, {clock}. "
         "What is finished is kept."
     )
+
+
+class Remaining:
+    """How long the rest of a benchmark will take, from what its finished units took.
+
+    Parameters
+    ----------
+    studies : mapping
+        Jobs of each study by its name, in the order in which they are run.
+    folder : Path
+        Where finished units are kept; those that are there take no time.
+    clock : callable
+        Seconds of some clock.
+    """
+
+    def __init__(
+        self, studies: Mapping[str, Iterable[Job]], folder: Path, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._clock, self._start, self._told = clock, clock(), clock()
+        self._left: dict[str, float] = {}
+        self._first: dict[str, int] = {}
+        known: set[str] = set()
+        for name, jobs in studies.items():
+            order = with_needs(list(jobs))
+            known |= finished_units(order, folder)
+            self._first[name] = sum(job.name in known for job in order)
+            self._left[name] = sum(expected_seconds(job) for job in order if job.name not in known)
+            known |= {job.name for job in order}
+        self._whole = sum(self._left.values())
+
+    def line(self, study: str, finished: int, total: int) -> str | None:
+        """What to tell when so many of a study's units are finished; None within a minute of the last line."""
+        now = self._clock()
+        names = list(self._left)
+        later = sum(self._left[name] for name in names[names.index(study) + 1 :])
+        new = max(total - self._first[study], 1)
+        left = later + self._left[study] * min((total - finished) / new, 1.0)
+        if now - self._told < EVERY or self._whole - left <= 0:
+            return None
+        self._told = now
+        pace = (now - self._start) / (self._whole - left)
+        return f"{study}: {finished} of {total} units; about {_time(left * pace)} left for all."
 
 
 def _time(seconds: float) -> str:

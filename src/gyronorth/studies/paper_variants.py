@@ -50,6 +50,7 @@ class Family:
     note: str = ""
     real_denoiser: tuple[str, ...] = ()  # variants whose denoiser is trained on the split's own recordings
     most_splits: int | None = None  # where a training takes too long for as many as the others have
+    by_name: bool = False  # as `Study.by_name`
 
 
 FAMILIES = (
@@ -80,6 +81,7 @@ FAMILIES = (
         {"temporal": {"layout": "temporal"}, "temporal, without denoiser": {"layout": "temporal", **WITHOUT_DENOISER}},
         "300 steps of 3 values: the layout that sees time. It takes some thirty times as long to train: one split.",
         most_splits=1,
+        by_name=True,
     ),
     Family(
         "sampling",
@@ -216,7 +218,8 @@ def _noised_floor(variant: Variant) -> str:
 
 
 VARIANTS = tuple(
-    Study(f.name, f.title, "paper", partial(_units, f), partial(_report, f), partial(_floor, f)) for f in FAMILIES
+    Study(f.name, f.title, "paper", partial(_units, f), partial(_report, f), partial(_floor, f), by_name=f.by_name)
+    for f in FAMILIES
 )
 
 _SPREAD = {"paper": PAPER, "enhanced, without denoiser": WITHOUT_DENOISER, "baseline": BASELINE}

@@ -91,6 +91,10 @@ CASES: Mapping[str, Case] = {
     "car, 60 s": _car(_CAR, (_SHORT, _SHORT)),
     "car without accelerometer, 100 s": _car(_CAR_BLIND, _WHOLE),
     "car without accelerometer, 60 s": _car(_CAR_BLIND, (_SHORT, _SHORT)),
+    "car before it drives, 100 s": Case(
+        (_DRIVE,), (_pieces(0.0, 200.0, 100.0),), _CAR_TRUTH, _CAR_LATITUDE, _CAR_PROFILES
+    ),
+    "car before it drives, 220 s": Case((_DRIVE,), (((0.0, 220.0),),), _CAR_TRUTH, _CAR_LATITUDE, _CAR_PROFILES),
     "car, standing, driving, standing": Case((_DRIVE,), ((None,),), 331.17, _CAR_LATITUDE, _CAR_PROFILES, ("auto",)),
     "tilt table, 60 s": Case(
         ("blueseis_tilt_20_80.csv",), ((None,),), 356.85, 48.1629, ("hg9900", "blueseis-3a")

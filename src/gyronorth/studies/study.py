@@ -112,11 +112,13 @@ class Study:
     report: Callable[[StudyPlan, Mapping[str, Result]], Report]  # of the results by unit name
     floor: Callable[[StudyPlan, Table], str] = lambda _plan, _table: ""  # a line below a table of heading errors
     described: Callable[[StudyPlan], Any] | None = None  # what it was run on, where that does not ship
+    simulates: bool = False  # recordings of its own, in a benchmark whose other studies are about the plan's
+    by_name: bool = False  # takes so long that a whole benchmark leaves it out; `--study` runs it
 
     @property
     def on_recordings(self) -> bool:
         """Whether it is about the plan's recordings; the others simulate their own."""
-        return self.benchmark in ("paper", "published")
+        return self.benchmark in ("paper", "published") and not self.simulates
 
     def recordings(self, plan: StudyPlan) -> Any:
         """What it is run on, for its file.

@@ -183,6 +183,7 @@ def test_damaged_bundles_are_refused_by_name(exported, tmp_path):
         ({"schema": "gyronorth.bundle/9"}, "schema"),
         ({"layout": "across_batch"}, "layout"),
         ({"surprise": 1}, "surprise"),
+        ({"domain": {**whole["domain"], "rate_hz": 1e-320}}, "rate_hz"),  # its window would be infinite
         ({"training": {"a": [{"b": float("inf")}]}}, "training"),
         ({"heading": {**whole["heading"], "file": "../heading.onnx"}}, "in the bundle's own folder"),
     ]:

@@ -115,7 +115,7 @@ def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
 
 @pytest.mark.parametrize(("name", "widest"), [("hg9900", 1.2), ("isa100c", 1.25)])
 def test_an_honest_unit_keeps_its_interval(name, widest):
-    sensor, runs = read_sensor(name), 60
+    sensor, runs = read_sensor(name), 40
     gyro_b, accel_b, truth = simulated(sensor, runs)
     found, _, inside = judged(sensor, gyro_b, accel_b, truth)
     assert np.sum(~inside) <= most_missed(runs)
@@ -132,7 +132,7 @@ def test_an_honest_unit_keeps_its_interval(name, widest):
 )
 def test_what_the_accelerometer_sees_is_no_earth_rate(moves):
     """The mean is wrong by 10 deg there; the trace of gravity by the noise of a slope."""
-    sensor, runs = read_sensor("hg9900"), 40
+    sensor, runs = read_sensor("hg9900"), 24
     gyro_b, accel_b, truth = simulated(sensor, runs, moves=moves)
     _, off, inside = judged(sensor, gyro_b, accel_b, truth)
     assert np.sum(~inside) <= most_missed(runs)
@@ -142,7 +142,7 @@ def test_what_the_accelerometer_sees_is_no_earth_rate(moves):
 
 
 def test_a_bias_beyond_the_profile_widens_and_is_told():
-    sensor, runs = read_sensor("isa100c"), 40
+    sensor, runs = read_sensor("isa100c"), 24
     worse = replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=8 * sensor.gyro.turn_on_bias))
     gyro_b, accel_b, truth = simulated(worse, runs, duration=200.0)
     found, _, inside = judged(sensor, gyro_b, accel_b, truth)
@@ -161,7 +161,7 @@ def test_a_settling_bias_is_found_beside_a_good_accelerometer():
 
 
 def test_without_a_profile_noise_is_read_at_short_lags():
-    sensor, runs = read_sensor("isa100c"), 30
+    sensor, runs = read_sensor("isa100c"), 16
     gyro_b, accel_b, truth = simulated(sensor, runs)
     found, _, inside = judged(None, gyro_b, accel_b, truth)
     assert np.sum(~inside) <= most_missed(runs)

@@ -122,7 +122,7 @@ def _result(problem: Problem, found: Inferred) -> Result:
 
 
 def _why(found: Inferred, *, known: bool) -> str:
-    words = {"sway": "it sways", "tilt": "it tilts slowly", "settling": "the bias settles", "walk": "the bias walks"}
+    words = {"sway": "sway", "tilt": "slow tilt", "settling": "bias settling", "walk": "bias random walk"}
     told = [f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= TOLD]
     if known and max(found.scale, found.drift_scale) >= TOLD_SCALE:
         told.append(f"the unit behaves as {max(found.scale, found.drift_scale):.1f} times its profile")

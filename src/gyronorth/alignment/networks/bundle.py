@@ -27,7 +27,8 @@ _SHIPPED = Path(__file__).parents[2] / "bundles"
 #: Largest file of a bundle, bytes.
 LARGEST = 1 << 28
 
-Positive = Annotated[float, Field(gt=0)]
+#: No rate, noise or factor lies outside of these.
+Positive = Annotated[float, Field(ge=1e-9, le=1e9)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 

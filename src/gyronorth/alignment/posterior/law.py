@@ -32,7 +32,7 @@ SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
 SWAY, SWAY_UNSEEN = 0.08, 0.04
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
-TILT, TILT_UNSEEN = 0.5, 0.015
+TILT, TILT_UNSEEN = 0.6, 0.015
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
@@ -102,7 +102,11 @@ class Law:
     bias: float  # turn-on and in-run bias of the profile, rad/s
 
 
-@lru_cache(maxsize=32)
+#: Laws that are kept: 2.3 MB each, and a running unit, whose every estimate is of another length, fills all places.
+KEPT = 4
+
+
+@lru_cache(maxsize=KEPT)
 def law(seconds: float, sensor: Sensor, *, known: bool, accel: bool, bumped: tuple[int, ...] = ()) -> Law:
     """The law of recordings of `COUNT` blocks of so many seconds, some of which hold bumps."""
     return law_of(seconds, sensor, known=known, accel=accel, bumped=bumped)

@@ -19,10 +19,10 @@ from gyronorth.sensor.law import NoiseLaw
 #: Turn-on bias over the profile's, and its prior where the in-run drift is as the profile says.
 BIASES = np.array([0.1, 0.3, 1.0, 1.5, 2.2, 3.3, 5.0, 8.0, 12.0, 20.0])
 BIAS_PRIOR = np.array([0.01, 0.02, 0.83, 0.042, 0.034, 0.026, 0.018, 0.01, 0.005, 0.005])
-#: Without a profile: turn-on biases, rad/s, log-uniform up to the first size and falling as its inverse square beyond;
+#: Without a profile: turn-on biases, rad/s, log-uniform up to a knee and falling as the inverse square beyond;
 #: and the prior of the in-run drift over that which equals the white noise at `CORNER`, s.
 UNKNOWN_BIASES = DEG_PER_HOUR * np.geomspace(0.003, 1000.0, 23)
-UNKNOWN_FALL, UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 0.4, 5 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
+UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 7 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1), 100.0
 #: An accelerometer without a profile: least white noise, (m/s^2) sqrt(s), and turn-on bias, m/s^2.
 UNKNOWN_FORCE = (3e-6 * STANDARD_GRAVITY, 1e-3 * STANDARD_GRAVITY)
 #: Bias over the profile's beyond which a mixture explains away a fault rather than a unit.
@@ -90,7 +90,7 @@ def scales_of(sensor: Sensor | None, white: float) -> Scales:
     noise, bias = UNKNOWN_FORCE
     gyro = TriadErrors(white=white, flicker=white / np.sqrt(CORNER))
     force = TriadErrors(white=noise, flicker=noise / np.sqrt(30.0), turn_on_bias=bias)
-    prior = UNKNOWN_BIASES**-UNKNOWN_FALL / (1 + (UNKNOWN_BIASES / UNKNOWN_KNEE) ** 2)
+    prior = 1 / (1 + (UNKNOWN_BIASES / UNKNOWN_KNEE) ** 2)
     table = np.log(prior / prior.sum()) + np.log(UNKNOWN_DRIFT)[:, None]
     return Scales(Sensor("unknown", gyro, force), False, UNKNOWN_BIASES, table)
 

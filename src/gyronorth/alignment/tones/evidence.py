@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
+from gyronorth.alignment.tones.unexplained import STILL, Motion
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.sensor import TriadErrors
@@ -89,6 +90,12 @@ class ToneLaw:
         """Columns (n, m) in units of the noise, and without its correlation."""
         return self.whiten[:, None] * columns if self.whiten.ndim == 1 else self.whiten @ columns
 
+    def coloured(self, columns: Array) -> Array:
+        """The inverse of `whitened`."""
+        if self.whiten.ndim == 1:
+            return columns / self.whiten[:, None]
+        return np.asarray(np.linalg.solve(self.whiten, columns), dtype=float)
+
     def tones(self, frequency: Array) -> Array:
         """Cosines, then sines, (n, 2 f), whitened, in units of their prior deviation."""
         phase = 2 * np.pi * self.time[:, None] * frequency
@@ -96,7 +103,7 @@ class ToneLaw:
 
 
 @lru_cache(maxsize=16)
-def _whitener(blocks: int, rate_hz: float, errors: TriadErrors) -> Array:
+def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: Motion) -> Array:
     """What whitens the first `blocks` times 300 samples: a matrix, or its diagonal for white noise alone.
 
     Of fewer samples it is the first rows and columns: what comes later does not change their covariance, so that a
@@ -104,15 +111,17 @@ def _whitener(blocks: int, rate_hz: float, errors: TriadErrors) -> Array:
     """
     edges = np.arange(BLOCK * blocks + 1)
     covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
+    if motion.angle > 0:
+        covariance = covariance + motion.covariance(BLOCK * blocks, rate_hz)
     if np.count_nonzero(covariance) == BLOCK * blocks:
         return np.asarray(1 / np.sqrt(np.diag(covariance)), dtype=float)
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
 
 
 @lru_cache(maxsize=16)
-def law(samples: int, rate_hz: float, errors: TriadErrors) -> ToneLaw:
-    """The law for recordings of one length of one sensor."""
-    whiten = _whitener(-(-samples // BLOCK), rate_hz, errors)
+def law(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> ToneLaw:
+    """The law for recordings of one length of one sensor, whose platform may move."""
+    whiten = _whitener(-(-samples // BLOCK), rate_hz, errors, motion)
     whiten = whiten[:samples] if whiten.ndim == 1 else whiten[:samples, :samples]
     time = (np.arange(samples) + 0.5) / rate_hz
     frequency = grid_frequencies(samples, rate_hz)

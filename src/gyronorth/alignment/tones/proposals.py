@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, ToneLaw, columns, evidence, law, network_axes
 from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
+from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.earth import EARTH_RATE
@@ -36,7 +37,8 @@ KEPT = 16
 #: (chi-square with 3 degrees of freedom: 1e-5).
 BUMP_CHI2 = 26.0
 #: Expected tones at a frequency above which it is divided into so many, at most so many frequencies in all, and rounds
-#: of dividing: a strong tone between two frequencies hides a weak one until its own are divided.
+#: of dividing: a strong tone between two frequencies hides a weak one until its own are divided. As many rounds learn
+#: the law of what is left unexplained.
 FINER, MOST, ROUNDS = ((0.15, 7), (0.01, 3)), 44, 2
 #: Expected tones at a frequency below which it is left out of the last round.
 NO_TONE = 1e-4
@@ -67,7 +69,7 @@ class Amortised:
     tilt: float  # probability that the unit tilts slowly
     walk: float  # probability that it walks
     bumps: int  # samples left out
-    excess: float  # mean squared residual over the law's variance; above `fits`' limit sigma was scaled up by its root
+    excess: float  # mean squared residual over the law's variance; beyond the limit its own law is taken
     fits: bool  # whether the law explains the recording
 
 
@@ -95,20 +97,27 @@ def amortised(
     if errors is None or errors.white == 0:
         errors = replace(errors or TriadErrors(), white=white_of(gyro_l) / np.sqrt(rate_hz))
     known, lines, masked, seen, models = explored(gyro_l, propose, rate_hz=rate_hz, errors=errors)
-    free = 3 * int((~masked).sum())
-    excess = float(np.sum(_residual(known, gyro_l, seen, models)[~masked] ** 2)) / free
-    law_holds = excess <= 1 + EXCESS_SIGMA * np.sqrt(2 / free)
-    if not law_holds:
-        models = evidence(known, seen, lines.log_prior, scale=float(np.sqrt(excess)))
+    excess = left = _excess(known, gyro_l, masked, seen, models)
+    law_holds = excess <= _most(masked)
+    for number in range(0 if law_holds else ROUNDS):
+        residual = known.coloured(_residual(known, gyro_l, seen, models))
+        noise, motion = unexplained(residual, masked, rate_hz=rate_hz, errors=errors)
+        again = explored(gyro_l, propose, rate_hz=rate_hz, errors=noise, motion=motion)
+        less = _excess(again[0], gyro_l, *again[2:])
+        if less > (left if number == 0 else _most(again[2])):
+            break
+        (known, lines, masked, seen, models), left = again, less
+    if left > _most(masked):
+        models = evidence(known, seen, lines.log_prior, scale=float(np.sqrt(left)))
     fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
     return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
 
 def explored(
-    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors
+    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: Motion = STILL
 ) -> tuple[ToneLaw, Lines, Mask, Columns, Evidence]:
     """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
-    known = law(len(gyro_l), rate_hz, errors)
+    known = law(len(gyro_l), rate_hz, errors, motion)
     noise = errors.white * np.sqrt(rate_hz)
     scaled = (gyro_l - np.median(gyro_l, axis=0)) / noise
     odds, weight = propose(scaled.astype(np.float32), *network_axes(len(gyro_l), rate_hz))
@@ -188,6 +197,16 @@ def _residual(known: ToneLaw, gyro_l: Array, seen: Columns, models: Evidence) ->
     whole = known.tones(seen.frequency[tones])[:, _interleaved(len(tones))]
     design = np.concatenate([known.constant[:, None], known.settling[:, settles], whole], axis=1)
     return known.whitened(gyro_l) - design @ fitted
+
+
+def _excess(known: ToneLaw, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> float:
+    """Mean squared residual of the likeliest model over the variance of its law."""
+    return float(np.mean(_residual(known, gyro_l, seen, models)[~masked] ** 2))
+
+
+def _most(masked: Mask) -> float:
+    """The same up to which the law holds."""
+    return 1 + EXCESS_SIGMA * float(np.sqrt(2 / (3 * np.count_nonzero(~masked))))
 
 
 def _interleaved(tones: int) -> list[int]:

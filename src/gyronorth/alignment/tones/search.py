@@ -22,7 +22,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.angles import DEG_PER_HOUR, wrap, wrap_heading
+from gyronorth.alignment.tones.mixture import mixture
+from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
+from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -44,8 +46,6 @@ TIME_CONSTANT_BINS = (15.0, 20.0, 27.0, 36.0, 48.0, 64.0, 84.0, 104.0, 120.0)
 BUMP_CHI2, BUMP_ROUNDS = 26.0, 6
 #: Models that are less likely than the best by this factor are left out of the average.
 NEGLIGIBLE = 1e-6
-#: Headings on which the posterior is computed.
-HEADINGS = 1440
 #: Turn-on biases tried for a sensor without a profile, rad/s, evenly weighted.
 UNKNOWN_BIAS = tuple(b * DEG_PER_HOUR for b in (0.1, 0.3, 1.0, 3.0, 10.0, 30.0))
 
@@ -61,7 +61,7 @@ class BayesFit:
     frequency: tuple[float, ...]  # Hz, of the likeliest model
     settling: float  # probability that the bias settles
     bumps: int  # samples left out
-    noise: float  # residual over the noise law, root mean square; above 1 it was scaled up
+    noise: float  # residual over the noise law, root mean square; well above 1 its own law took that one's place
     rate_l: Array  # (3,) expected constant rate in the level frame, rad/s
 
 
@@ -98,7 +98,29 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
     if known.white == 0:
         known = replace(known, white=white_of(gyro_l) / np.sqrt(rate_hz))
     biases = (known.turn_on_bias,) if errors is not None else UNKNOWN_BIAS
-    grid = grid_of(len(gyro_l), rate_hz, known)
+    grid, masked, found = _searched(grid_of(len(gyro_l), rate_hz, known), gyro_l, rate_hz)
+    residual = _residual(grid, gyro_l, masked, found)
+    square = left = float(np.mean(residual[~masked] ** 2))
+    if square > _most(masked):
+        beyond = np.asarray(np.linalg.solve(grid.whiten, residual), dtype=float)
+        noise, motion = unexplained(beyond, masked, rate_hz=rate_hz, errors=known)
+        again = _searched(grid_of(len(gyro_l), rate_hz, noise, motion), gyro_l, rate_hz)
+        less = float(np.mean(_residual(again[0], gyro_l, *again[1:])[~again[1]] ** 2))
+        if less < square:
+            (grid, masked, found), left = again, less
+    if left > _most(masked):
+        grid = _features(grid.whiten * left**-0.5, rate_hz, grid.frequency, grid.log_prior)
+        found = scan(grid, gyro_l, masked)
+    return _conclude(grid, masked, found, latitude, biases, noise=float(np.sqrt(square)))
+
+
+def _most(masked: NDArray[np.bool_]) -> float:
+    """Mean square of the residual up to which the law holds: 3 n squares scatter by sqrt(2 / 3 n), 4 of these."""
+    return 1 + 4 * float(np.sqrt(2 / (3 * np.count_nonzero(~masked))))
+
+
+def _searched(grid: _Grid, gyro_l: Array, rate_hz: float) -> tuple[_Grid, NDArray[np.bool_], _Models]:
+    """Samples in bumps, and all models with the others on a grid that is fine where the tones are."""
     masked = _first_mask(gyro_l)
     found = scan(grid, gyro_l, masked)
     for _ in range(BUMP_ROUNDS):
@@ -108,8 +130,7 @@ def bayes(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadEr
         masked = again
         found = scan(grid, gyro_l, masked)
     grid = _refined(grid, found, rate_hz)
-    found = scan(grid, gyro_l, masked)
-    return _conclude(grid, gyro_l, masked, found, latitude, biases)
+    return grid, masked, scan(grid, gyro_l, masked)
 
 
 def white_of(gyro_l: Array) -> float:
@@ -119,11 +140,12 @@ def white_of(gyro_l: Array) -> float:
 
 
 @lru_cache(maxsize=8)
-def grid_of(samples: int, rate_hz: float, errors: TriadErrors) -> _Grid:
+def grid_of(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> _Grid:
     """The features of every tone and exponential for recordings of one length of one sensor."""
     duration = samples / rate_hz
     edges = np.arange(samples + 1)
     covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
+    covariance = covariance + motion.covariance(samples, rate_hz)
     whiten = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=float)
     highest = min(FREQUENCIES[1], 0.4 * rate_hz)
     frequency = np.arange(FREQUENCIES[0], highest, SPACING / duration)
@@ -184,14 +206,14 @@ class _Models:
         return row, tops[row]
 
 
-def scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], scale: float = 1.0) -> _Models:
+def scan(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_]) -> _Models:
     """All models: no settling and each time constant, each with no, one and two tones."""
     f, k = len(grid.frequency), grid.settling.shape[1]
-    known = np.concatenate([grid.one[:, None], grid.whiten @ gyro_l, grid.settling], axis=1) / scale
-    gram, cross, inner = grid.gram / scale**2, grid.tone.T @ known / scale, known.T @ known
+    known = np.concatenate([grid.one[:, None], grid.whiten @ gyro_l, grid.settling], axis=1)
+    gram, cross, inner = grid.gram, grid.tone.T @ known, known.T @ known
     if masked.any():  # a masked sample is one more unknown: project it out
         basis = _basis(grid, masked)
-        in_tone, in_known = basis.T @ grid.tone / scale, basis.T @ known
+        in_tone, in_known = basis.T @ grid.tone, basis.T @ known
         gram = gram - in_tone.T @ in_tone
         cross, inner = cross - in_tone.T @ in_known, inner - in_known.T @ in_known
     share = np.diff(TIME_CONSTANT_BINS) / (TIME_CONSTANT_BINS[-1] - TIME_CONSTANT_BINS[0])
@@ -307,14 +329,14 @@ def _excess(square: Array) -> float:
 
 
 def _conclude(
-    grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Models, latitude: float, biases: tuple[float, ...]
+    grid: _Grid,
+    masked: NDArray[np.bool_],
+    models: _Models,
+    latitude: float,
+    biases: tuple[float, ...],
+    *,
+    noise: float,
 ) -> BayesFit:
-    square = np.asarray(np.sum(_residual(grid, gyro_l, masked, models)[~masked] ** 2, axis=1), dtype=float)
-    excess = float(np.mean(square)) / 3
-    # 3 n squares scatter by sqrt(2 / 3 n): beyond 4 of these the law does not hold.
-    scale = excess**0.5 if excess > 1 + 4 * np.sqrt(2 / (3 * len(square))) else 1.0
-    if scale > 1:
-        models = scan(grid, gyro_l, masked, scale)
     weight, concentration, settling, tones = _weigh(models, latitude, biases)
     rate = models.rate[:, settling, tones]
     heading, sigma, interval = mixture(np.arctan2(-rate[1], rate[0]), concentration, weight)
@@ -327,7 +349,7 @@ def _conclude(
         frequency=tuple(float(grid.frequency[t]) for t in models.tones[:, best] if t >= 0),
         settling=float(weight @ (settling > 0)),
         bumps=int(masked.sum()),
-        noise=float(np.sqrt(excess)),
+        noise=noise,
         rate_l=rate @ weight,
     )
 
@@ -361,31 +383,3 @@ def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple
     kept = log_weight > largest + np.log(NEGLIGIBLE)
     weight = np.exp(log_weight[kept] - largest)
     return weight / weight.sum(), concentration[kept], rows[kept], used[kept]
-
-
-def mixture(centre: Array, concentration: Array, weight: Array) -> tuple[float, float, tuple[float, float]]:
-    """Mean, root mean square deviation and shortest 95 % interval of a mixture of von Mises laws."""
-    from scipy.special import i0e, i1e
-
-    pull = weight * i1e(concentration) / i0e(concentration)
-    mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
-    off = wrap(centre - mean)
-    spread = np.sqrt(weight @ (off**2 + 1 / np.maximum(concentration, 1e-3)))
-    reach = min(np.pi, 10 * spread)
-    grid = (np.arange(HEADINGS) + 0.5) / HEADINGS * 2 * reach - reach
-    density = np.zeros(HEADINGS)
-    order = np.argsort(-weight)
-    order = order[: np.searchsorted(np.cumsum(weight[order]), 0.9999) + 1]
-    for part in np.array_split(order, -(-len(order) // 500)):
-        peak = concentration[part, None] * (np.cos(grid - off[part, None]) - 1)
-        density += weight[part] / i0e(concentration[part]) @ np.exp(peak)
-    density /= density.sum()
-    middle = float(density @ grid)
-    edges = np.linspace(-reach, reach, HEADINGS + 1)
-    cumulative = np.concatenate([[0.0], np.cumsum(density)])
-    starts = edges[cumulative <= 0.05]
-    ends = np.interp(cumulative[: len(starts)] + 0.95, cumulative, edges)
-    shortest = int(np.argmin(ends - starts))
-    low, high = mean + starts[shortest], mean + ends[shortest]
-    sigma = float(np.sqrt(density @ (grid - middle) ** 2))
-    return float(wrap_heading(mean + middle)), sigma, (float(wrap_heading(low)), float(wrap_heading(high)))

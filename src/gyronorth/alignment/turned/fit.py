@@ -30,6 +30,8 @@ from gyronorth.sensor import Sensor
 
 #: A fit this improbable under the noise law widens its covariance by chi2 / dof.
 IMPROBABLE = 1e-3
+#: Standard deviation of a heading of which nothing is known, rad.
+NOTHING_KNOWN = np.pi / np.sqrt(3)
 #: Hypotheses of less weight than this are left out.
 LEAST_WEIGHT = 1e-6
 
@@ -232,7 +234,7 @@ def _report(case: _Case, weighed: list[_Weighed], *, rejected: bool, noise_infer
     off = (headings - headings[0] + np.pi) % (2 * np.pi) - np.pi
     shift = float(weight @ off)
     density = mixture(headings, 1 / np.maximum(sigmas, 1e-12) ** 2, weight)
-    sigma = float(np.sqrt(weight @ (sigmas**2 + (off - shift) ** 2)))
+    sigma = min(float(np.sqrt(weight @ (sigmas**2 + (off - shift) ** 2))), NOTHING_KNOWN)
     parts = {
         name: inflation**2 * max(part, 0.0) for name, part in solution.parts(blocks, best.sensor, gradient).items()
     }

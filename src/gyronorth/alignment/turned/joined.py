@@ -23,7 +23,7 @@ from gyronorth.recording import Recording
 TURN = 1.0
 
 
-def joined(recordings: Sequence[Recording], turn_angles: Sequence[float] | None) -> tuple[Recording, Segments]:
+def one_recording(recordings: Sequence[Recording], turn_angles: Sequence[float] | None) -> tuple[Recording, Segments]:
     """One recording of all poses, with its segments.
 
     Parameters

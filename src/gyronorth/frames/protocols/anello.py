@@ -21,7 +21,7 @@ from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.frames.checksums import xor_8
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync
-from gyronorth.frames.protocols.text import hex_at_end, line_starts, numbers, texts
+from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts
 
 _NAME = b"#APIMU,"
 _LONGEST = 256
@@ -46,11 +46,12 @@ def _layouts(rows: Bytes) -> Index:
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:
-    values = numbers([line.split(b",") for line in texts(rows, len(_NAME), -3)], slice(0, layout))
+    wanted = [0, *range(2, 5), *range(8, 11), layout - 1]  # time, acceleration, optical rate, temperature
+    values = columns_from_end(rows, -3, [place - layout for place in wanted])
     finite = np.isfinite(values).all(axis=1) & (np.abs(values[:, 0]) < 1e12)
     return Fields(
-        gyro=np.radians(values[:, 8:11]),
-        accel=values[:, 2:5] * STANDARD_GRAVITY,
+        gyro=np.radians(values[:, 4:7]),
+        accel=values[:, 1:4] * STANDARD_GRAVITY,
         ticks=np.round(np.where(finite, values[:, 0], 0.0) * 1e3).astype(np.int64),
         tick=1e-6,
         temperature=values[:, -1],
@@ -67,4 +68,6 @@ def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale()
 
 
-PROTOCOL = Protocol("anello", 3, _starts, _whole, _layouts, _fields, scale=_scale, line_ends=True)
+PROTOCOL = Protocol(
+    "anello", 3, _starts, _whole, _layouts, _fields, scale=_scale, line_ends=True, lines=lambda _layout: True
+)

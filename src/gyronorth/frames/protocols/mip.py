@@ -6,7 +6,8 @@ gyro and accelerometer (0x05, 0x04); time is the reference time 0xD5, or GPS tim
 down.
 
 Sources: MicroStrain DCP manuals; descriptors and overrange bits as in `pymscl` (MIT), against which the decoder's
-framing is tested. Not verified against a real packet.
+framing is tested. Packets of one stream may hold different fields, as those of slower rates come in every nth: what
+most of them hold is read. Not verified against a real packet.
 """
 
 from __future__ import annotations
@@ -32,8 +33,12 @@ _SIZES = {
 }  # fmt: skip
 #: Overrange bits of accelerometers and gyros.
 _SATURATED = 0x0077
-#: Flags of a layout: increments of the gyro, of the accelerometer.
-_GYRO_INCREMENTS, _ACCEL_INCREMENTS = 1, 2
+_TIMES = (_REFERENCE_TIME, _SHARED_GPS_TIME, _GPS_TIME)
+#: Bits of a layout: which of the descriptors are there.
+_BITS = {
+    name: 1 << i
+    for i, name in enumerate((_GYRO, _DELTA_THETA, _ACCEL, _DELTA_VELOCITY, *_TIMES, _TEMPERATURES))
+}  # fmt: skip
 
 
 def _starts(data: Bytes) -> tuple[Index, Index]:
@@ -60,10 +65,18 @@ def _parse(row: Bytes) -> tuple[Blocks, Index] | None:
 
 
 def _flags(blocks: Blocks) -> int | None:
-    timed = any(name in blocks for name in (_REFERENCE_TIME, _SHARED_GPS_TIME, _GPS_TIME))
-    if _DELTA_THETA in blocks and (timed or _GYRO not in blocks):
-        return _GYRO_INCREMENTS | (_ACCEL_INCREMENTS if _DELTA_VELOCITY in blocks else 0)
-    return 0 if _GYRO in blocks else None
+    bits = sum(bit for name, bit in _BITS.items() if name in blocks)
+    return bits if _GYRO in blocks or _DELTA_THETA in blocks else None
+
+
+def _reads(layout: int) -> int:
+    """What is read of a packet: one kind of rate, of specific force and of time, and the temperature."""
+    time = next((_BITS[name] for name in _TIMES if layout & _BITS[name]), 0)
+    delta = bool(layout & _BITS[_DELTA_THETA]) and (bool(time) or not layout & _BITS[_GYRO])
+    gyro = _BITS[_DELTA_THETA if delta else _GYRO]
+    order = (_DELTA_VELOCITY, _ACCEL) if delta else (_ACCEL, _DELTA_VELOCITY)
+    accel = next((_BITS[name] for name in order if layout & _BITS[name]), 0)
+    return gyro | accel | time | layout & _BITS[_TEMPERATURES]
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -71,32 +84,32 @@ def _layouts(rows: Bytes) -> Index:
     return np.where(rows[:, 2] == _SENSOR_SET, layout, OTHER)
 
 
-def _fields(rows: Bytes, layout: int) -> Fields:
+def _fields(rows: Bytes, reads: int) -> Fields:
     blocks, _ = _parse(rows[0]) or ({}, None)
 
-    def triad(descriptor: int) -> np.ndarray | None:
-        return column(rows, blocks[descriptor][0], ">f4", 3).astype(float) if descriptor in blocks else None
+    def triad(*descriptors: int) -> np.ndarray | None:
+        read = next((name for name in descriptors if reads & _BITS[name]), None)
+        return None if read is None else column(rows, blocks[read][0], ">f4", 3).astype(float)
 
-    gyro = triad(_DELTA_THETA if layout & _GYRO_INCREMENTS else _GYRO)
+    gyro = triad(_DELTA_THETA, _GYRO)
     assert gyro is not None
-    # g, also for increments: delta velocity is in g s
-    accel = triad(_DELTA_VELOCITY if layout & _ACCEL_INCREMENTS else _ACCEL)
-    ticks, usable = _time(rows, blocks)
+    accel = triad(_DELTA_VELOCITY, _ACCEL)  # g, also for increments: delta velocity is in g s
+    ticks, usable = _time(rows, blocks, reads)
     saturated = None
     if _OVERRANGE in blocks:
         saturated = (column(rows, blocks[_OVERRANGE][0], ">u2") & _SATURATED) != 0
     temperature = None
-    if _TEMPERATURES in blocks:
+    if reads & _BITS[_TEMPERATURES]:
         temperature = column(rows, blocks[_TEMPERATURES][0], ">f4", 3)[:, 2].astype(float)  # minimum, maximum, mean
     return Fields(gyro, accel, ticks=ticks, tick=1e-9, saturated=saturated, temperature=temperature, usable=usable)
 
 
-def _time(rows: Bytes, blocks: Blocks) -> tuple[Index | None, Mask | None]:
+def _time(rows: Bytes, blocks: Blocks, reads: int) -> tuple[Index | None, Mask | None]:
     """Time, ns, and where it is one."""
-    if _REFERENCE_TIME in blocks:
+    if reads & _BITS[_REFERENCE_TIME]:
         return column(rows, blocks[_REFERENCE_TIME][0], ">u8").astype(np.int64), None
     for descriptor in (_SHARED_GPS_TIME, _GPS_TIME):
-        if descriptor in blocks:
+        if reads & _BITS[descriptor]:
             at = blocks[descriptor][0]
             second, week = column(rows, at, ">f8"), column(rows, at + 8, ">u2").astype(np.int64)
             usable = np.isfinite(second) & (np.abs(second) < 1e6) & (week < 10000)
@@ -105,8 +118,8 @@ def _time(rows: Bytes, blocks: Blocks) -> tuple[Index | None, Mask | None]:
     return None, None
 
 
-def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
-    return Scale(1.0, STANDARD_GRAVITY, bool(layout & _GYRO_INCREMENTS), bool(layout & _ACCEL_INCREMENTS))
+def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
+    return Scale(1.0, STANDARD_GRAVITY, bool(reads & _BITS[_DELTA_THETA]), bool(reads & _BITS[_DELTA_VELOCITY]))
 
 
-PROTOCOL = Protocol("mip", 4, _starts, _whole, _layouts, _fields, scale=_scale)
+PROTOCOL = Protocol("mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale)

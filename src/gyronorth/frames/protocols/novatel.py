@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
@@ -24,7 +23,7 @@ from gyronorth.arrays import Index, Mask
 from gyronorth.errors import InputError
 from gyronorth.frames.checksums import column
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16, with_head
-from gyronorth.frames.protocols.text import hex_at_end, line_starts, numbers, texts
+from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts
 
 _RAWIMU, _RAWIMUS, _RAWIMUX, _RAWIMUSX = 268, 325, 1461, 1462
 _NAMES = {b"RAWIMUA": _RAWIMU, b"RAWIMUSA": _RAWIMUS, b"RAWIMUXA": _RAWIMUX, b"RAWIMUSXA": _RAWIMUSX}
@@ -35,6 +34,8 @@ _WEEK_S = 604800.0
 #: Bits of the information byte of RAWIMUX and RAWIMUSX.
 _ERROR, _ENCRYPTED = 0x01, 0x02
 _FOOT = 0.3048
+#: Added to the layout of lines of text.
+_TEXT = 1_000_000_000
 #: Stands for a type of IMU that is none.
 _NO_TYPE = 999
 
@@ -113,12 +114,13 @@ def _whole(rows: Bytes) -> Mask:
 
 def _crc(rows: Bytes) -> Index:
     """NovAtel's CRC-32 is that of zlib, but with start 0 and without the final exclusive or."""
-    ones = 0xFFFFFFFF
-    return np.array([crc32(row, ones) ^ ones for row in np.ascontiguousarray(rows)], np.int64)
+    ones, size = 0xFFFFFFFF, rows.shape[1]
+    data = memoryview(rows.tobytes())
+    return np.array([crc32(data[at : at + size], ones) ^ ones for at in range(0, len(data), size)], np.int64)
 
 
 def _layouts(rows: Bytes) -> Index:
-    """1000 x number of the log + type of the IMU (0 where the log does not name it)."""
+    """1000 x number of the log + type of the IMU (0 where the log does not name it), + `_TEXT` for text."""
     text, layout = _is_text(rows), np.full(len(rows), OTHER, np.int64)
     if text.any():
         layout[text] = _layouts_of_lines(rows[text, 1:-9])
@@ -136,26 +138,32 @@ def _layouts(rows: Bytes) -> Index:
 
 def _layouts_of_lines(lines: Bytes) -> Index:
     """The same of lines (n, length), without mark and checksum: NAME,header;body."""
-    commas, places = lines == ord(","), np.arange(lines.shape[1])
-    named, first = np.argmax(commas, axis=1), np.argmax(lines == ord(";"), axis=1) + 1
-    first[~(lines == ord(";")).any(axis=1)] = 0
-    in_body = commas & (places >= first[:, None])
-    count = in_body.sum(axis=1)
-    layout = np.full(len(lines), OTHER, np.int64)
+    layout, size = np.full(len(lines), OTHER, np.int64), lines.shape[1]
     for name, log in _NAMES.items():
-        size = len(name)
-        if lines.shape[1] <= size:
+        if size <= len(name):
             continue
-        ours = (named == size) & (lines[:, :size] == np.frombuffer(name, np.uint8)).all(axis=1)
-        ours &= count == (10 if log in _TYPED else 8)
-        layout[ours] = log * 1000 + (_second_fields(lines[ours], in_body[ours]) if log in _TYPED else 0)
-    return np.where(layout % 1000 == _NO_TYPE, OTHER, layout)
+        named = np.flatnonzero((lines[:, len(name)] == ord(",")) & (lines[:, 0] == name[0]))
+        named = named[(lines[named, : len(name)] == np.frombuffer(name, np.uint8)).all(axis=1)]
+        if not len(named):
+            continue
+        ours = lines[named]
+        body = np.argmax(ours == ord(";"), axis=1)
+        row, place = np.nonzero(ours == ord(","))
+        row, place = (each[place > body[row]] for each in (row, place))
+        count = np.bincount(row, minlength=len(ours))
+        good = (count == (10 if log in _TYPED else 8)) & (body > 0)
+        first = np.cumsum(count) - count
+        if log in _TYPED and good.any():
+            start = place[first[good]] + 1
+            imu = _small_numbers(ours[good], start, place[first[good] + 1] - start)
+            layout[named[good]] = np.where(imu == _NO_TYPE, OTHER, _TEXT + log * 1000 + imu)
+        else:
+            layout[named[good]] = _TEXT + log * 1000
+    return layout
 
 
-def _second_fields(lines: Bytes, in_body: Mask) -> Index:
-    """The number of one to three digits between the first two commas of each body; `_NO_TYPE` where there is none."""
-    start = np.argmax(in_body, axis=1) + 1
-    size = np.argmax(in_body & (np.arange(lines.shape[1]) >= start[:, None]), axis=1) - start
+def _small_numbers(lines: Bytes, start: Index, size: Index) -> Index:
+    """The number of one to three digits that begins at a place of each line; `_NO_TYPE` where there is none."""
     number, good = np.zeros(len(lines), np.int64), (size >= 1) & (size <= 3)
     for place in range(3):
         within = place < size
@@ -167,24 +175,19 @@ def _second_fields(lines: Bytes, in_body: Mask) -> Index:
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:
-    typed = layout // 1000 in _TYPED
-    text = _is_text(rows)
-    info, week, second, counts = (np.zeros((len(rows), *shape)) for shape in ((), (), (), (6,)))
-    if text.any():
-        lines = [line.partition(b";")[2].split(b",") for line in texts(rows[text], 1, -9)]
-        info[text] = [_hexadecimal(line[0]) if typed else 0 for line in lines]
-        table = numbers(lines, [*((2, 3) if typed else (0, 1)), *range(-6, 0)])
-        week[text], second[text], counts[text] = table[:, 0], table[:, 1], table[:, 2:]
-    if not text.all():
-        binary = rows[~text]
-        at = _SHORT_HEADER if binary[0, 2] == 0x13 else int(binary[0, 3])
-        if typed:
-            info[~text] = binary[:, at]
-        week[~text] = column(binary, at + 2, "<u2") if typed else column(binary, at, "<u4")
-        second[~text] = column(binary, at + 4, "<f8")
-        counts[~text] = column(binary, at + 16, "<i4", 6)
+    typed = _log(layout) in _TYPED
+    if layout >= _TEXT:
+        body = np.argmax(rows == ord(";"), axis=1)
+        table = columns_from_end(rows, -9, (-9, -8, *range(-6, 0)), begin=int(body.min()))
+        week, second, counts = table[:, 0], table[:, 1], table[:, 2:]
+        info = _information(rows, body + 1) if typed else np.zeros(len(rows), np.int64)
+    else:
+        at = _SHORT_HEADER if rows[0, 2] == 0x13 else int(rows[0, 3])
+        info = rows[:, at].astype(np.int64) * typed
+        week = (column(rows, at + 2, "<u2") if typed else column(rows, at, "<u4")).astype(float)
+        second, counts = column(rows, at + 4, "<f8"), column(rows, at + 16, "<i4", 6).astype(float)
     usable = np.isfinite(counts).all(axis=1) & (np.abs(second) <= _WEEK_S) & (week >= 0) & (week < 10000)
-    usable &= (info.astype(int) & _ENCRYPTED) == 0
+    usable &= (info & _ENCRYPTED) == 0
     second, week = np.where(usable, second, 0.0), np.where(usable, week, 0.0)
     turned = np.array([1.0, -1.0, 1.0])
     return Fields(
@@ -192,23 +195,25 @@ def _fields(rows: Bytes, layout: int) -> Fields:
         accel=counts[:, [2, 1, 0]] * turned,
         ticks=np.round((week * _WEEK_S + second) * 1e6).astype(np.int64),
         tick=1e-6,
-        fault=(info.astype(int) & _ERROR) != 0,
+        fault=(info & _ERROR) != 0,
         usable=usable,
     )
 
 
-@lru_cache(256)
-def _hexadecimal(text: bytes) -> int:
-    """The information byte; what is none counts as an error of the IMU."""
-    try:
-        return int(text[:2], 16)
-    except ValueError:
-        return _ERROR
+def _information(lines: Bytes, at: Index) -> Index:
+    """The information byte, two hexadecimal digits from there on; what is none counts as an error of the IMU."""
+    three = lines[np.arange(len(lines))[:, None], at[:, None] + np.arange(3)]
+    value = hex_at_end(three[:, :2], 2)
+    return np.where((three[:, 2] == ord(",")) & (value >= 0), value, _ERROR)
+
+
+def _log(layout: int) -> int:
+    return layout % _TEXT // 1000
 
 
 def _scale(layout: int, _facts: Sequence[Bytes], options: Options) -> Scale:
     names = ", ".join(imu.name for imu in IMU_TYPES)
-    if layout // 1000 in _TYPED:
+    if _log(layout) in _TYPED:
         known = [imu for imu in IMU_TYPES if imu.number == layout % 1000]
         if not known:
             raise InputError(
@@ -225,8 +230,14 @@ def _scale(layout: int, _facts: Sequence[Bytes], options: Options) -> Scale:
     return Scale(imu.gyro, imu.accel, True, True, usual_rate_hz=imu.rate_hz, imu=imu.name, profile=imu.profile)
 
 
+def _is_line(layout: int) -> bool:
+    return layout >= _TEXT
+
+
 def _rank(layout: int) -> int:
-    return 0 if layout // 1000 in _TYPED else 1
+    return 0 if _log(layout) in _TYPED else 1
 
 
-PROTOCOL = Protocol("novatel", 10, _starts, _whole, _layouts, _fields, rank=_rank, scale=_scale, line_ends=True)
+PROTOCOL = Protocol(
+    "novatel", 10, _starts, _whole, _layouts, _fields, rank=_rank, scale=_scale, line_ends=True, lines=_is_line
+)

@@ -45,8 +45,9 @@ _RANGES = {0b0000: 10, 0b0011: 5, 0b0100: 30, 0b0110: 80}
 _RATES_HZ = (125.0, 250.0, 500.0, 1000.0, 2000.0)
 #: Status: bit 4 overload; bits 3, 6, 7 channel error, start-up, system integrity error.
 _OVERLOAD, _FAULT = 0x10, 0xC8
-#: At rest the specific force is this far from 1 g at most.
-_GRAVITY_SHARE = 0.3
+#: At rest the specific force is this far from 1 g at most; and this close to it a choice of unit and range must bring
+#: it to be told from the others: rates and increments are a quarter apart at the nearest.
+_GRAVITY_SHARE, _GRAVITY_TELLS = 0.3, 0.08
 
 
 def size_of(ident: int) -> int:
@@ -141,30 +142,52 @@ def _scale_of(configuration: Bytes) -> Scale:
     return replace(scale, rate_hz=rate_hz, stated=True)
 
 
-def _infer(fields: Fields, scale: Scale, options: Options, _rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
-    """Without a configuration datagram: the accelerometer's range from gravity, else 10 g."""
+def _infer(fields: Fields, scale: Scale, options: Options, rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
+    """Without a configuration datagram: unit and range by the size of gravity, else rate and 10 g."""
     if scale.stated or (options.increments and options.accel_range_g):
         return scale, ()
+    told = _by_gravity(fields, options, rate_hz)
     findings = ()
     if options.increments is None:
+        per_sample = told is not None and told[1]
+        how = "as gravity shows of the accelerometer" if told else "which nothing shows"
         findings = (
             Finding(
                 "units_assumed",
-                "No configuration datagram was captured: the output is taken as rate and acceleration. Declare "
-                "increments if the unit is set so.",
+                f"No configuration datagram was captured: the output is taken as "
+                f"{'increments' if per_sample else 'rate and acceleration'}, {how}. Declare --increments to be sure.",
             ),
         )
-    if fields.accel is None or options.accel_range_g or scale.accel_increments:
+        scale = _scaled(per_sample, per_sample, options.accel_range_g or 10.0)
+    if fields.accel is None or options.accel_range_g:
         return scale, findings
-    counts = float(np.linalg.norm(fields.accel.mean(axis=0)))
-    fitting = [g for g, bits in _FORCE_BITS.items() if abs(counts / 2.0**bits - 1) < _GRAVITY_SHARE]
-    range_g = fitting[0] if fitting else 10
-    how = "by the size of gravity" if fitting else "no range makes the specific force gravity"
-    scale = replace(scale, accel=STANDARD_GRAVITY * 2.0 ** -_FORCE_BITS[range_g])
+    range_g = told[0] if told else 10
+    how = "by the size of gravity" if told else "no range makes the specific force gravity"
+    scale = _scaled(scale.gyro_increments, scale.accel_increments, range_g)
     found = Finding(
         "range_assumed", f"No configuration datagram: the accelerometer's range is taken as {range_g} g, {how}."
     )
     return scale, (*findings, found)
+
+
+def _by_gravity(fields: Fields, options: Options, rate_hz: float | None) -> tuple[int, bool] | None:
+    """Range, g, and whether the accelerometer's numbers are increments; None where no choice makes them gravity."""
+    if fields.accel is None:
+        return None
+    counts = float(np.linalg.norm(fields.accel.mean(axis=0)))
+    declared = options.increments in ("accel", "both")
+    kinds = (False, True) if options.increments is None else (declared,)
+    sizes = {(g, False): counts / 2.0**bits for g, bits in _FORCE_BITS.items()}
+    if rate_hz is not None:
+        sizes |= {(g, True): counts * rate_hz / STANDARD_GRAVITY / 2.0**bits for g, bits in _VELOCITY_BITS.items()}
+    off = {
+        choice: abs(size - 1)
+        for choice, size in sizes.items()
+        if choice[1] in kinds and choice[0] == (options.accel_range_g or choice[0])
+    }
+    best = min(off, key=off.__getitem__, default=None)
+    limit = _GRAVITY_TELLS if len(kinds) > 1 else _GRAVITY_SHARE
+    return best if best is not None and off[best] < limit else None
 
 
 PROTOCOL = Protocol("stim", 1, _starts, _whole, _layouts, _fields, scale=_scale, infer=_infer, line_ends=True)

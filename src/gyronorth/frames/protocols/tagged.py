@@ -14,15 +14,18 @@ from gyronorth.frames.protocol import OTHER, Bytes
 Blocks = dict[int, tuple[int, int]]
 #: Structures of one length that are told apart; further ones are taken for other data.
 _MOST = 32
+#: Low bits of a layout that say what it holds.
+FLAG_BITS = 12
+FLAGS = (1 << FLAG_BITS) - 1
 
 
 def layouts_of(
     rows: Bytes, parse: Callable[[Bytes], tuple[Blocks, Index] | None], flags: Callable[[Blocks], int | None]
 ) -> Index:
-    """The layout of each frame (k,): a number for the bytes that list the contents, with `flags` in the low 4 bits.
+    """The layout of each frame (k,): a number for the bytes that list the contents, with `flags` in the low bits.
 
     `parse` gives the blocks of one frame and the positions of the bytes that list them; None if they do not fit the
-    frame. `flags` gives 0 to 15, or None where no inertial data are in it.
+    frame. `flags` gives a number of `FLAG_BITS` bits, or None where no inertial data are in it.
     """
     layout, open_ = np.full(len(rows), OTHER, np.int64), np.ones(len(rows), bool)
     for _ in range(_MOST):
@@ -39,5 +42,5 @@ def layouts_of(
         open_[alike] = False
         flag = flags(blocks)
         if flag is not None:
-            layout[alike] = (zlib.crc32(model[listing].tobytes()) << 4) | flag
+            layout[alike] = (zlib.crc32(model[listing].tobytes()) << FLAG_BITS) | flag
     return layout

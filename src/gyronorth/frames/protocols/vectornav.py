@@ -107,7 +107,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     def first(*found: np.ndarray | None) -> np.ndarray | None:
         return next((values for values in found if values is not None), None)
 
-    usable = None
+    usable = span = None
     force = first(triad(_IMU, 2), triad(_COMMON, 9), triad(_IMU, 9), triad(_COMMON, 8))
     if layout & 15 == _DELTA:
         group, bit = (_COMMON, 11) if (_COMMON, 11) in at else (_IMU, 6)
@@ -132,6 +132,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
         accel=force,
         ticks=None if clock is None else column(rows, clock, "<u8").astype(np.int64),
         tick=1e-9,
+        span=None if span is None else span[:, 0],
         saturated=None if saturation is None else (column(rows, saturation, "<u2") & _SATURATED) != 0,
         temperature=None if temperature is None else column(rows, temperature, "<f4").astype(float),
         usable=usable,

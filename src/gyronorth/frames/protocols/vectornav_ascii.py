@@ -14,7 +14,7 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.frames.checksums import xor_8
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync
-from gyronorth.frames.protocols.text import hex_at_end, line_starts, numbers, texts
+from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts
 
 _NAME, _COMMAS, _LAYOUT = b"$VNIMU,", 11, 1
 _LONGEST = 256
@@ -36,9 +36,11 @@ def _layouts(rows: Bytes) -> Index:
 
 
 def _fields(rows: Bytes, _layout: int) -> Fields:
-    values = numbers([line.split(b",") for line in texts(rows, len(_NAME), -3)], slice(0, 11))
+    values = columns_from_end(rows, -3, range(-8, -1))  # acceleration, rate, temperature
     usable = np.asarray(np.isfinite(values).all(axis=1))
-    return Fields(gyro=values[:, 6:9], accel=values[:, 3:6], temperature=values[:, 9], usable=usable)
+    return Fields(gyro=values[:, 3:6], accel=values[:, 0:3], temperature=values[:, 6], usable=usable)
 
 
-PROTOCOL = Protocol("vectornav-ascii", 3, _starts, _whole, _layouts, _fields, line_ends=True)
+PROTOCOL = Protocol(
+    "vectornav-ascii", 3, _starts, _whole, _layouts, _fields, line_ends=True, lines=lambda _layout: True
+)

@@ -3,7 +3,8 @@
 FA, FF, 0x36, length (FF: two bytes more), blocks (identifier u16, length, data; big endian), a byte that makes the sum
 of all but FA zero modulo 256. Numbers are float32, fixed point 12.20, fixed point 16.32 or float64, by the low two
 bits of the identifier. Taken are DeltaQ and DeltaV (integrals), where the message holds SampleTimeFine, which gives
-their interval; else RateOfTurn and Acceleration, else their high-rate forms. x forward, y left, z up.
+their interval; else RateOfTurn and Acceleration, else their high-rate forms. x forward, y left, z up. Messages of one
+stream may hold different blocks, as those of slower rates come in every nth: what most of them hold is read.
 
 Sources: Xsens MT low-level protocol documentation MT0101P; status word as in the MTi user manual MT0605P, section
 4.13. Not verified against a real message.
@@ -17,7 +18,7 @@ import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.frames.checksums import column
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16, with_head
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16
 from gyronorth.frames.protocols.tagged import Blocks, layouts_of
 
 _MTDATA2 = 0x36
@@ -28,16 +29,25 @@ _VECTORS = {_DELTA_V: 3, _ACCEL: 3, _ACCEL_HR: 3, _DELTA_Q: 4, _RATE: 3, _RATE_H
 _PLAIN = {_COUNTER: 2, _TIME: 4, _STATUS: 4}
 #: Bytes of one number by the low two bits of its identifier.
 _BYTES = (4, 4, 6, 8)
-_LONGEST = 2048
+_LONGEST, _HEAD = 2048, 6
 #: Status word: bits 8 to 10 and 11 to 13, an accelerometer or a gyro is out of range.
 _CLIPPED = 0x3F00
-_GYRO_INCREMENTS, _ACCEL_INCREMENTS = 1, 2
+#: Bits of a layout: which of the blocks are there.
+_BITS = {
+    name: 1 << i
+    for i, name in enumerate((_DELTA_Q, _RATE, _RATE_HR, _DELTA_V, _ACCEL, _ACCEL_HR, _TIME, _COUNTER, _TEMPERATURE))
+}  # fmt: skip
+_GYROS = _BITS[_DELTA_Q] | _BITS[_RATE] | _BITS[_RATE_HR]
 
 
 def _starts(data: Bytes) -> tuple[Index, Index]:
-    start = with_head(data, at_sync(data, (0xFA, 0xFF)), 6)
-    short = data[start + 3].astype(np.int64)
-    length = np.where(short == 0xFF, u16(data, start + 4, big=True) + 7, short + 5)
+    start = at_sync(data, (0xFA, 0xFF))
+    start = start[np.append(data, 0)[start + 2] != 0xFF]  # that is no message: fixed-point numbers hold FA FF FF
+    known = start + _HEAD <= len(data)
+    shown = start[known]
+    short = data[shown + 3].astype(np.int64)
+    length = len(data) + 1 - start  # of a header that is not all there
+    length[known] = np.where(short == 0xFF, u16(data, shown + 4, big=True) + 7, short + 5)
     return start[length <= _LONGEST], length[length <= _LONGEST]
 
 
@@ -62,10 +72,20 @@ def _parse(row: Bytes) -> tuple[Blocks, Index] | None:
 
 
 def _flags(blocks: Blocks) -> int | None:
-    plain = _RATE in blocks or _RATE_HR in blocks
-    if _DELTA_Q in blocks and (_TIME in blocks or not plain):
-        return _GYRO_INCREMENTS | (_ACCEL_INCREMENTS if _DELTA_V in blocks else 0)
-    return 0 if plain else None
+    bits = sum(bit for name, bit in _BITS.items() if name in blocks)
+    return bits if bits & _GYROS else None
+
+
+def _reads(layout: int) -> int:
+    """What is read of a message: one kind of rate and of specific force, time, counter and temperature."""
+
+    def first(*names: int) -> int:
+        return next((_BITS[name] for name in names if layout & _BITS[name]), 0)
+
+    rate = first(_RATE, _RATE_HR)
+    gyro = first(_DELTA_Q) if layout & _BITS[_TIME] or not rate else 0
+    accel = first(_DELTA_V, _ACCEL, _ACCEL_HR) if gyro else first(_ACCEL, _ACCEL_HR, _DELTA_V)
+    return (gyro or rate) | accel | layout & (_BITS[_TIME] | _BITS[_COUNTER] | _BITS[_TEMPERATURE])
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -85,14 +105,14 @@ def _numbers(rows: Bytes, block: tuple[int, int], count: int) -> Array:
     return np.ascontiguousarray(parts[:, :, 4:]).view(">i2")[:, :, 0] + fraction / 2.0**32
 
 
-def _fields(rows: Bytes, layout: int) -> Fields:
+def _fields(rows: Bytes, reads: int) -> Fields:
     blocks, _ = _parse(rows[0]) or ({}, None)
 
     def vector(*names: int) -> Array | None:
-        return next((_numbers(rows, blocks[name], _VECTORS[name]) for name in names if name in blocks), None)
+        return next((_numbers(rows, blocks[name], _VECTORS[name]) for name in names if reads & _BITS[name]), None)
 
     usable = None
-    if layout & _GYRO_INCREMENTS:
+    if reads & _BITS[_DELTA_Q]:
         turn = _numbers(rows, blocks[_DELTA_Q], 4)
         with np.errstate(over="ignore", invalid="ignore"):
             norm = np.sqrt((turn**2).sum(axis=1))
@@ -104,15 +124,15 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     else:
         gyro = vector(_RATE, _RATE_HR)
     assert gyro is not None
-    accel = vector(_DELTA_V) if layout & _ACCEL_INCREMENTS else vector(_ACCEL, _ACCEL_HR)
+    accel = vector(_DELTA_V, _ACCEL, _ACCEL_HR)
     temperature = vector(_TEMPERATURE)
     return Fields(
         gyro=gyro,
         accel=accel,
-        ticks=column(rows, blocks[_TIME][0], ">u4").astype(np.int64) if _TIME in blocks else None,
+        ticks=column(rows, blocks[_TIME][0], ">u4").astype(np.int64) if reads & _BITS[_TIME] else None,
         tick=1e-4,
         tick_wrap=1 << 32,
-        counter=column(rows, blocks[_COUNTER][0], ">u2").astype(np.int64) if _COUNTER in blocks else None,
+        counter=column(rows, blocks[_COUNTER][0], ">u2").astype(np.int64) if reads & _BITS[_COUNTER] else None,
         counter_wrap=1 << 16,
         saturated=(column(rows, blocks[_STATUS][0], ">u4") & _CLIPPED) != 0 if _STATUS in blocks else None,
         temperature=None if temperature is None else temperature[:, 0],
@@ -120,8 +140,8 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
-    return Scale(gyro_increments=bool(layout & _GYRO_INCREMENTS), accel_increments=bool(layout & _ACCEL_INCREMENTS))
+def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
+    return Scale(gyro_increments=bool(reads & _BITS[_DELTA_Q]), accel_increments=bool(reads & _BITS[_DELTA_V]))
 
 
-PROTOCOL = Protocol("xbus", 6, _starts, _whole, _layouts, _fields, scale=_scale)
+PROTOCOL = Protocol("xbus", _HEAD, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, weak=True)

@@ -157,7 +157,7 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
     """The columns: as declared, and for the rest by preset, titles or numbers."""
     declared = dict(options.columns or {})
     if layout.titles:
-        chosen = by_titles(layout, parts, declared, preset)
+        chosen = by_titles(layout, parts, options, preset)
         return replace(chosen, columns=chosen.columns | declared)
     if all(ours in declared for ours in options.needed):
         return Chosen(declared)

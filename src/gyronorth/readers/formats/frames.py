@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Literal, cast
@@ -15,6 +16,7 @@ from gyronorth.frames.recognition import LOOK
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FORCES, RATES, TIME, Bad, Block, Clock, Facts, Source
+from gyronorth.recording import Note
 
 
 def open_frames(path: Path, options: ReadOptions) -> Source:
@@ -36,18 +38,19 @@ def open_frames(path: Path, options: ReadOptions) -> Source:
             "protocol and the baud rate."
         )
     report = stream.report
+    account = _Account(report)
     on_clock = report.clock == "unit's clock"
     return Source(
         format="frames",
         name=path.name,
         columns=(TIME, *RATES, *(FORCES if first.accel is not None else ())),
-        blocks=partial(_blocks, path, protocol, declared),
+        blocks=partial(_blocks, path, protocol, declared, account),
         stated=SI,
         usual=usual_facts(report),
         axes_defined=report.axes is not None,
         decoded=True,
         clock=Clock(unit=1.0, name="the unit's clock") if on_clock else Clock(unit=None, name="the frames"),
-        notes=report.findings,
+        remarks=account.remarks,
     )
 
 
@@ -103,22 +106,62 @@ def _recognised(path: Path) -> str:
 
 
 def _samples(path: Path, stream: FrameStream) -> Iterator[tuple[Samples, float]]:
-    """The samples piece by piece, with the share of the file that is read."""
+    """The samples piece by piece, with the share of the file that is read.
+
+    Raises
+    ------
+    InputError
+        If the unit was set anew on the way, so that what comes is another recording.
+    """
     size = max(path.stat().st_size, 1)
     with path.open("rb") as file:
-        while piece := file.read(PIECE):
-            samples = stream.feed(piece)
+        while True:
+            piece = file.read(PIECE)
+            samples = stream.feed(piece) if piece else stream.finish()
             if samples is not None:
+                if len(stream.report.kinds) > 1:
+                    raise _set_anew(path.name, samples, stream.report)
                 yield samples, file.tell() / size
-    samples = stream.finish()
-    if samples is not None:
-        yield samples, 1.0
+            if not piece:
+                return
 
 
-def _blocks(path: Path, protocol: str, options: Options) -> Iterator[Block]:
+def _set_anew(name: str, samples: Samples, report: Report) -> InputError:
+    places = samples.start[samples.jumped]
+    at = int(places[-1] if len(places) else samples.start[0])
+    before, after = report.kinds[-2:]
+    rates = "" if before.rate_hz == after.rate_hz else f" from {before.rate_hz:g} to {after.rate_hz:g} Hz"
+    forces = "" if before.accel == after.accel else f" {'with' if after.accel else 'without'} the accelerometer"
+    return InputError(
+        f"{name} holds more than one recording: at byte {at} the unit was set anew,{rates}{forces}. Cut the file "
+        f"there: head -c {at} {name} > first.bin; tail -c +{at + 1} {name} > second.bin."
+    )
+
+
+@dataclass
+class _Account:
+    """Of a capture, as far as it is read."""
+
+    report: Report
+    breaks: int = 0  # of unknown length
+
+    def remarks(self) -> tuple[Note, ...]:
+        """What there is to say."""
+        if not self.breaks:
+            return self.report.findings
+        message = (
+            f"The unit or its clock was set anew {self.breaks} times on the way. How long each break was is not known; "
+            "the samples are taken to go on as the bytes and the counter show."
+        )
+        return (*self.report.findings, Note("clock_set", message, float(self.breaks), 0.0))
+
+
+def _blocks(path: Path, protocol: str, options: Options, account: _Account) -> Iterator[Block]:
     stream = FrameStream(protocol, options)
+    account.breaks = 0
     for samples, share in _samples(path, stream):
         flags = np.column_stack([samples.saturated, samples.sensor_fault])
+        account.report, account.breaks = stream.report, account.breaks + int(samples.jumped.sum())
         yield Block(_table(samples, stream.report), samples.number + 1, Bad.none(), share, flags)
 
 
