@@ -20,8 +20,7 @@ from gyronorth.recording import Gap, Recording
 
 #: Two-sided 99.9 % point of the normal law: the confidence of every gate.
 GATE_SIGMA = 3.29
-#: Harmonics of the record in which the noise of a slope is read: next to the slope itself, and
-#: enough of them, on two axes, for 16 degrees of freedom.
+#: Harmonics in which the noise of a slope is read: next to the slope, and, on two axes, for 16 degrees of freedom.
 HARMONICS = np.arange(2, 10)
 #: Samples that are worked at once, so that they stay in the processor's cache and little is copied.
 BLOCK_SAMPLES = 1 << 14

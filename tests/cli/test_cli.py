@@ -272,7 +272,7 @@ class TestFolder:
         (("--roll", "200", "--pitch", "0"), ("--roll", "'200'", "1.5")),
         (("--roll", "2"), ("--roll and --pitch",)),
         (("--axes", "xyz"), ("--axes", "'xyz'", "frd")),
-        (("--gyro-unit", "rpm"), ("--gyro-unit", "'rpm'", "deg/h")),
+        (("--gyro-unit", "turns/s"), ("--gyro-unit", "'turns/s'", "deg/h")),
         (("--accel-unit", "ft"), ("--accel-unit", "'ft'", "m/s2")),
         (("--columns", "a=b"), ("--columns", "'a=b'", "w_x=gx")),
         (("--method", "magic"), ("--method", "magic", "inertial")),

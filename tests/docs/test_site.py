@@ -83,12 +83,23 @@ BEYOND = """() => {
     e => e.getBoundingClientRect().width && e.getBoundingClientRect().right > width + 1 && !scrolls(e.parentElement));
   return [document.documentElement.scrollWidth - width, cut.map(e => e.textContent.slice(0, 40))];
 }"""
+#: What paper cuts: boxes that would scroll, and elements beyond the sheet.
+CUT_IN_PRINT = """() => {
+  const width = document.documentElement.clientWidth;
+  const shown = e => e.getBoundingClientRect().width && !e.closest("annotation, .md-clipboard");
+  const scrolls = e => !["visible", "clip"].includes(getComputedStyle(e).overflowX)
+    && e.scrollWidth > e.clientWidth + 1;
+  return [...document.querySelectorAll("article *")].filter(
+    e => shown(e) && (scrolls(e) || e.getBoundingClientRect().right > width + 1)).map(e => e.textContent.slice(0, 40));
+}"""
+#: Width of the text on A4 with the margins of docs/stylesheets/pages.css, px.
+PAPER = 680
 #: Nobody scrolls further: a phone's screen is 844 px high.
-LONGEST = 30_000
+LONGEST = 40_000
 
 
 @pytest.mark.long
-def test_every_page_fits_a_phone_and_asks_nobody(tmp_path, browser):
+def test_every_page_fits_a_phone_and_paper_and_asks_nobody(tmp_path, browser):
     site = tmp_path / "site"
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(site)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
@@ -102,5 +113,10 @@ def test_every_page_fits_a_phone_and_asks_nobody(tmp_path, browser):
         page.goto(path.as_uri())
         assert page.evaluate(BEYOND) == [0, []], path.name
         assert page.evaluate("document.documentElement.scrollHeight") < LONGEST, path.name
+        page.emulate_media(media="print")
+        page.set_viewport_size({"width": PAPER, "height": 1000})
+        assert page.evaluate(CUT_IN_PRINT) == [], path.name
+        page.emulate_media(media="screen")
+        page.set_viewport_size({"width": 390, "height": 844})
     page.close()
     assert not [address for address in asked if address.startswith("http")]

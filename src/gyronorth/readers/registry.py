@@ -144,11 +144,15 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
             return _held(unpacked(path, suffix), path.name, options, depth)
         if head.startswith(ZIP) and _is_archive(path, options):
             return _unzipped(path, None, options, depth)
-        if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
-            raise InputError(pickled(path.name))
+        _refuse_pickles(path, head)
         if (rewritten := _rewriter(path, options)) is not None:
             return _held(rewritten(path), path.name, options, depth)
     return _by_format(path, options)
+
+
+def _refuse_pickles(path: Path, head: bytes) -> None:
+    if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
+        raise InputError(pickled(path.name))
 
 
 def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | None:
