@@ -128,7 +128,7 @@ def test_tab_offers_what_the_program_accepts(tmp_path, monkeypatch):
     assert [mat_bf(name).shape for name in completion.axes("")] == [(3, 3)] * 24
     for gyro_unit in completion.gyro_unit(""):
         ReadOptions(gyro_unit=gyro_unit)
-    assert completion.accel_unit("m") == ["m/s2", "mg"]
+    assert completion.accel_unit("m") == ["m/s2", "mg", "mm/s2"]
     assert completion.protocol("") == list(NAMES)
     assert "quiet" in completion.disturbance("q")
     assert completion.benchmark("pu") == ["published"]
