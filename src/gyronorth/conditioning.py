@@ -20,8 +20,7 @@ from gyronorth.recording import Gap, Recording
 
 #: Two-sided 99.9 % point of the normal law: the confidence of every gate.
 GATE_SIGMA = 3.29
-#: Harmonics of the record in which the noise of a slope is read: next to the slope itself, and
-#: enough of them, on two axes, for 16 degrees of freedom.
+#: Harmonics in which the noise of a slope is read: next to the slope, and, on two axes, for 16 degrees of freedom.
 HARMONICS = np.arange(2, 10)
 #: Samples that are worked at once, so that they stay in the processor's cache and little is copied.
 BLOCK_SAMPLES = 1 << 14
@@ -319,8 +318,7 @@ def _parts(x: Array) -> Iterator[tuple[Array, slice]]:
 
 def _block_of(x: Array) -> int:
     """Samples of a recording in one block of all of `x` (..., n, k)."""
-    count = x.shape[-2]
-    return min(max(BLOCK_SAMPLES * count // max(x.size // x.shape[-1], 1), 1), count)
+    return min(max(BLOCK_SAMPLES * x.shape[-2] // max(x.size // x.shape[-1], 1), 1), x.shape[-2])
 
 
 def _moments(x: Array, powers: int) -> Array:

@@ -434,4 +434,13 @@ MORE = [
            in "xyz"]), (TIME, *DPS.T, *ACCEL.T), FORMATS), FRD, asks=True),
     Layout("whole_seconds.csv", text(titled("Time", *fields), with_time(stamps(lambda t: t.strftime("%H:%M:%S"))),
            TEXT_TIME), FRD, asks=True),
+    Layout("sec_and_usec.csv", text(titled("tv_usec", "tv_sec", *fields), ([str(round(t * 1e6) % 10**6) for t in TIME],
+           [str(17 * 10**8 + int(t + 1e-9)) for t in TIME], *PLAIN[1:]), ("%s", "%s", *FORMATS[1:])), FRD),
+    Layout("seconds_twice.csv", text(titled("time_s", "time_ns", *fields), (TIME, whole(1e9), *PLAIN[1:]),
+           ("%.3f", "%s", *FORMATS[1:])), FRD),
+    Layout("host_and_device.csv", text(titled("host_time", "device_time_us", *fields), (TIME + 1.7e9 + 0.003 *
+           (np.arange(ROWS) % 3), whole(1e6), *PLAIN[1:]), ("%.6f", "%s", *FORMATS[1:])), FRD, says="device_time_us"),
+    Layout("parts_of_a_second.csv", text(titled("hour", "minute", "second", "millisecond", *fields), ([11] * ROWS,
+           [58] * ROWS, [int(t + 1e-9) for t in TIME], [round(t * 1e3) % 1000 for t in TIME], *PLAIN[1:]), ("%d", "%d",
+           "%d", "%d", *FORMATS[1:])), FRD),
 ]  # fmt: skip

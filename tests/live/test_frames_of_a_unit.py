@@ -162,3 +162,19 @@ def test_what_frames_state_is_not_declared(declared, words, monkeypatch):
     session = session_of(*pieces(b"".join(case.frames)), reading=replace(options, **declared))
     assert isinstance(session.error, InputError)
     assert words in str(session.error)
+
+
+def test_a_unit_set_to_another_rate_begins_a_new_stretch_whose_file_replays(monkeypatch, tmp_path):
+    """Increments by the old rate would be wrong by two; the clock alone tells."""
+    first, options = unit("novatel-RAWIMUSX-binary", monkeypatch, seconds=12.0)
+    second = encoders.novatel(2400, text=False, rate=400.0)
+    data = b"".join(first.frames[:1200] + second.frames)
+    session = session_of(*pieces(data, 400), reading=options, save=tmp_path / "rec.csv", method="mean")
+    assert (session.error, session.status.counters.restarts) == (None, 1)
+    assert "another rate" in session.status.message
+    assert session.status.rate_hz == 400.0
+    recorded = gn.read(tmp_path / "rec.2.csv")
+    assert recorded.gyro_b.mean(axis=0) == pytest.approx(gn.read(tmp_path / "rec.csv").gyro_b.mean(axis=0), abs=3e-6)
+    replayed = gn.read(tmp_path / "rec.2.bin", options)
+    assert len(replayed.gyro_b) == len(recorded.gyro_b) > 2000
+    assert replayed.gyro_b == pytest.approx(recorded.gyro_b, abs=1e-12)

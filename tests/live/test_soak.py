@@ -21,8 +21,8 @@ ROOT = Path(__file__).parents[2]
 RATE_HZ, SECONDS, SPEED, DAMAGED = 1000, 1800, 20, 0.01
 #: Frames that are sent again and again: their sequence counter, of 128 numbers, goes on from the last to the first.
 BLOCK = 100 * 128
-#: Once so many s of the stream are behind, memory is flat within so many MB.
-SETTLED, FLAT = 60, 20.0
+#: Once so many s of the stream are behind, 12 s of the program, memory is flat within so many MB.
+SETTLED, FLAT = 240, 20.0
 
 
 def resident(pid: int) -> float:

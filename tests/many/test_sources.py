@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 from pathlib import Path
 
 import pytest
@@ -109,3 +111,26 @@ def test_a_checksum_is_of_names_and_contents(tmp_path):
     sums = [checksum_of(tmp_path / name) for name in "abcd"]
     assert sums[0] == sums[1]
     assert len(set(sums)) == 3
+
+
+def test_a_list_may_come_from_standard_input(tree, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"# two\r\nx.csv\r\n\r\ny.csv\r\n")))
+    assert names("@-") == ["x.csv", "y.csv"]
+
+
+def test_what_cannot_be_looked_into_is_one_of_the_recordings(tree, monkeypatch):
+    """A link whose file is gone and a folder that is closed: left out, they would be missed by nobody."""
+    folder = tree / "survey"
+    (folder / "closed").mkdir(parents=True)
+    (folder / "a.csv").touch()
+    (folder / "gone.csv").symlink_to("nowhere.csv")
+    (folder / "loop").symlink_to(folder)
+    scan = os.scandir
+
+    def refusing(place):
+        if Path(place).name == "closed":
+            raise PermissionError(13, "Permission denied", str(place))
+        return scan(place)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    assert names(str(folder)) == ["a.csv", "closed", "gone.csv"]

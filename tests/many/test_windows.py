@@ -83,3 +83,22 @@ def test_a_window_without_a_heading_says_why_and_the_others_go_on(path, monkeypa
 def test_too_short_is_refused(path):
     with pytest.raises(InputError, match="lasts 60 s, less than one window of 61 s"):
         list(window_outcomes(request(), "x", path, (61.0, 1.0)))
+
+
+def test_windows_before_the_damage_stay(path, monkeypatch):
+    monkeypatch.setattr(module, "CHUNK_SAMPLES", 100)
+    monkeypatch.setattr("gyronorth.readers.text.BLOCK_BYTES", 1 << 14)
+    lines = path.read_text().splitlines(keepends=True)
+    lines[-50] = "damaged\n"
+    path.write_text("".join(lines))
+    *found, last = window_outcomes(request(), "x", path, (10.0, 10.0))
+    assert found
+    assert all(outcome.estimate is not None and outcome.window is not None for outcome in found)
+    assert last.estimate is None
+    assert last.window is None
+    assert "found" in last.message
+
+
+def test_a_step_below_a_sample_is_refused(path):
+    with pytest.raises(InputError, match="less than a sample"):
+        window_outcomes(request(), "x", path, (10.0, 0.001))

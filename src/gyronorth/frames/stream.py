@@ -83,6 +83,7 @@ class FrameStream:
         self._spacing = Spacing()
         self._zero = self._latest = (0, 0.0)  # a sample and its time, s: from it on samples are counted; the latest one
         self._settings = 0
+        self.changed_at = 0  # byte of the stream from which on the latest setting holds
         self._kinds: tuple[Kind, ...] = ()
         self._samples = self._other = self._unusable = self._saturated = self._fault = 0
 
@@ -98,6 +99,11 @@ class FrameStream:
     def facts(self) -> tuple[bytes, ...]:
         """The configuration that holds now, as the unit sent it: at most one frame."""
         return tuple(fact.tobytes() for fact in self._facts[-1:])
+
+    @property
+    def undecided(self) -> int:
+        """Bytes at the end of which it is not decided yet whether they are a frame."""
+        return len(self._framer.tail)
 
     @property
     def pending(self) -> bytes:
@@ -162,6 +168,7 @@ class FrameStream:
         samples = self._decode(before, index[:count], kept, shown[:count], restarted[:count])
         self._layout, self._strange = None, 0
         self._settings += 1
+        self.changed_at = int(after.start[0])
         return samples, after
 
     def _change(self, frames: Frames, index: Index, fields: Fields | None, shown: Index) -> int | None:

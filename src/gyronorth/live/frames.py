@@ -48,6 +48,9 @@ class FrameReader:
         self._cut = False  # the next rows do not go on from those before, jump or not
         self._raw = bytearray()
         self._raw_anew = True
+        self._raw_parts: list[tuple[bool, bytes]] = []  # before these
+        self._fed = 0  # bytes that the stream got
+        self._latest = b""  # the last of them
 
     @property
     def tally(self) -> Tally:
@@ -71,12 +74,20 @@ class FrameReader:
 
     def push(self, data: bytes) -> list[RowBatch]:
         """The rows that `data` completes."""
-        self._raw += data
-        before = self._stream.report.settings
-        samples = self._stream.feed(data)
-        if self._stream.report.settings > before:
+        stream, before = self._stream, self._stream.report.settings
+        undecided = self._latest[-stream.undecided :] if stream.undecided else b""
+        start = self._fed - len(undecided)
+        self._fed += len(data)
+        self._latest = undecided + data
+        samples = stream.feed(data)
+        if stream.report.settings > before:
             self._why = "the unit was set anew: it sends at another rate or in another layout"
-            self.begin_raw()
+            place = max(stream.changed_at - start, 0)
+            old = max(place - len(undecided), 0)
+            self._raw_parts.append((self._raw_anew, bytes(self._raw) + data[:old]))
+            self._raw, self._raw_anew = bytearray(b"".join(stream.facts) + self._latest[place:]), True
+        else:
+            self._raw += data
         return self._batches(samples)
 
     def end(self) -> list[RowBatch]:
@@ -97,18 +108,21 @@ class FrameReader:
         self._raw = bytearray(b"".join(self._stream.facts) + self._stream.pending)
         self._raw_anew = True
 
-    def raw(self) -> tuple[bool, bytes]:
-        """Bytes that came since last asked, and whether they begin a file that replays to the rows from here on."""
-        anew, data = self._raw_anew, bytes(self._raw)
-        self._raw.clear()
-        self._raw_anew = False
-        return anew, data
+    def raw(self) -> list[tuple[bool, bytes]]:
+        """Bytes that came since last asked, each with whether they begin a file that replays to what follows."""
+        parts, self._raw_parts = self._raw_parts, []
+        if self._raw:
+            parts.append((self._raw_anew, bytes(self._raw)))
+            self._raw_anew = False
+            self._raw.clear()
+        return parts
 
     def _anew(self, why: str) -> None:
         facts = self._stream.facts
         self._past = self.tally
         self._stream, self._why, self._cut = FrameStream(self.protocol, self._options, facts), why, True
         self._raw, self._raw_anew = bytearray(b"".join(facts)), True
+        self._fed, self._latest = 0, b""
 
     def _batches(self, samples: Samples | None) -> list[RowBatch]:
         """Rows in batches, each from one setting of the unit or its clock to the next."""

@@ -101,9 +101,9 @@ class StreamReader:
         if isinstance(self._reader, FrameReader):
             self._reader.begin_raw()
 
-    def raw(self) -> tuple[bool, bytes]:
-        """Bytes of frames since last asked, and whether they begin a new file; none of lines, which rows keep."""
-        return self._reader.raw() if isinstance(self._reader, FrameReader) else (False, b"")
+    def raw(self) -> list[tuple[bool, bytes]]:
+        """Bytes of frames since last asked, each with whether they begin a new file; none of lines, which rows keep."""
+        return self._reader.raw() if isinstance(self._reader, FrameReader) else []
 
     def _looked(self) -> bool:
         """Whether frames are recognised now."""

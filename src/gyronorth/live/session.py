@@ -275,12 +275,12 @@ class Session:
 
     def _record_raw(self) -> None:
         """The bytes of frames to the disk, before what they hold."""
-        anew, data = self._reader.raw()
-        if self._raw_recorder is None or not data or self._state not in ("waiting", "running"):
-            return
-        if anew:
-            self._raw_recorder.begin_file()
-        self._raw_recorder.append(data)
+        for anew, data in self._reader.raw():
+            if self._raw_recorder is None or not data or self._state not in ("waiting", "running"):
+                continue
+            if anew:
+                self._raw_recorder.begin_file()
+            self._raw_recorder.append(data)
 
     def _batches(self, batches: list[RowBatch]) -> None:
         for batch in batches:

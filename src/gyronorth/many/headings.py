@@ -96,7 +96,7 @@ class HeadingTask:
         if self.windows is not None:
             from gyronorth.many.windows import window_outcomes
 
-            return list(window_outcomes(self.request, name, path, self.windows))
+            return window_outcomes(self.request, name, path, self.windows)
         recording = self.request.read(path)
         return [Outcome(name, self.request.heading(recording), heading_true=recording.heading_true)]
 

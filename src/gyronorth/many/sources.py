@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +28,8 @@ def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
     ----------
     sources : iterable of str or path
         Files; folders, with the recordings in them and below; patterns such as `data/**/*.csv`; URLs; lists, as
-        `@files.txt`, one source a line, paths counted from the working folder, empty lines and those that begin
-        with # left out.
+        `@files.txt`, or `@-` for standard input, one source a line, paths counted from the working folder, empty
+        lines and those that begin with # left out.
 
     Returns
     -------
@@ -71,7 +72,8 @@ def _listed(source: str) -> Iterator[str]:
         yield source
         return
     try:
-        lines = Path(source[1:]).read_text(encoding="utf-8").splitlines()
+        text = sys.stdin.buffer.read().decode() if source == "@-" else Path(source[1:]).read_text(encoding="utf-8-sig")
+        lines = text.splitlines()
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise InputError(

@@ -11,7 +11,7 @@ import io
 import json
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -156,26 +156,40 @@ def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[
         yield Table(path, settings, columns, None)
         return
     partial = path.with_name(f"{path.name}.partial")
-    if partial.exists() and not resume:
-        raise InputError(
-            f"{partial} holds rows of a run that was not finished. Give --resume to go on with it, or remove it."
-        )
     made = not partial.exists()
     try:
         journal = partial.open("a+", newline="", encoding="utf-8", errors="backslashreplace")
     except OSError as error:
         raise InputError(f"{partial} cannot be written: {error.strerror or error}.") from None
-    with journal:
+    with _closed_at_last(journal):
         _lock(journal, partial)
+        if not made and not resume:
+            raise InputError(
+                f"{partial} holds rows of a run that was not finished. Give --resume to go on with it, or remove it."
+            )
         try:
             found = Table(path, settings, columns, journal)
             _begin(found, path, partial, journal, resume=resume)
-        except BaseException:
+        except BaseException as error:
             if made:
                 partial.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise InputError(f"{partial} cannot be written: {error.strerror or error}.") from None
             raise
         yield found
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def _closed_at_last(journal: TextIO) -> Iterator[None]:
+    """Close a file; where something went wrong with it, closing it has nothing to add."""
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            journal.close()
+        raise
+    journal.close()
 
 
 def _begin(found: Table, path: Path, partial: Path, journal: TextIO, *, resume: bool) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CHUNK_SAMPLES = 1 << 16
 
 
-def window_outcomes(request: Request, name: str, path: Path, windows: tuple[float, float]) -> Iterator[Outcome]:
+def window_outcomes(request: Request, name: str, path: Path, windows: tuple[float, float]) -> list[Outcome]:
     """The heading of every whole window of a file, in order of time.
 
     Parameters
@@ -36,16 +36,30 @@ def window_outcomes(request: Request, name: str, path: Path, windows: tuple[floa
     windows : tuple of float
         Length and step, s.
 
-    Yields
-    ------
-    Outcome
-        A window that has no heading says why; the others go on.
+    Returns
+    -------
+    list of Outcome
+        A window that has no heading says why; the others go on. Where the file is damaged behind some windows, the
+        last outcome tells of it and has no window.
 
     Raises
     ------
     InputError
         If the file cannot be read, or is shorter than one window.
     """
+    found: list[Outcome] = []
+    try:
+        for outcome in _windows(request, name, path, windows):
+            found.append(outcome)
+    except InputError as error:
+        if not found:
+            raise
+        found.append(Outcome(name, message=f"{error} The windows above are those before it was found."))
+    return found
+
+
+def _windows(request: Request, name: str, path: Path, windows: tuple[float, float]) -> Iterator[Outcome]:
+    """The outcomes of the windows, until the reader complains."""
     from gyronorth import readers
 
     length, step = windows
@@ -78,7 +92,7 @@ def _cut(chunks: Iterator[Recording], length: float, step: float) -> Iterator[tu
         rate_hz = chunk.rate_hz
         held.append(chunk)
         count += len(chunk.gyro_b)
-        size = _samples(length, rate_hz)
+        size = _samples(length, step, rate_hz)
         while True:
             start = round(number * step * rate_hz)
             while held and start >= first + len(held[0].gyro_b):  # a step may pass over whole chunks
@@ -92,8 +106,12 @@ def _cut(chunks: Iterator[Recording], length: float, step: float) -> Iterator[tu
         yield 0.0, _joined(held, 0, count)
 
 
-def _samples(length: float, rate_hz: float) -> int:
+def _samples(length: float, step: float, rate_hz: float) -> int:
     size = round(length * rate_hz)
+    if step * rate_hz < 1 - 1e-9:
+        raise InputError(
+            f"A step of {step:g} s is less than a sample at {rate_hz:g} Hz: windows would repeat. Give a longer STEP."
+        )
     if size < 1:
         raise InputError(f"A window of {length:g} s holds no sample at {rate_hz:g} Hz. Give longer --windows.")
     return size

@@ -18,7 +18,7 @@ References
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 
@@ -31,6 +31,7 @@ from gyronorth.readers.columns import by_numbers, by_titles
 from gyronorth.readers.layout import COMPARED, TextLayout
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Question
+from gyronorth.readers.spellings import ACCEL_SPELLINGS, GYRO_SPELLINGS, TIME_SPELLINGS, spelled
 from gyronorth.readers.text_clock import find_clock
 from gyronorth.readers.titles import Title, take_apart
 
@@ -298,6 +299,7 @@ def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name:
         arrays.setdefault(column.array, {})[title] = column
     triples = {array: columns for array, columns in arrays.items() if len(columns) == 3}
     gyros = [array for array in triples if _plain(array, mark) in GYRO_ARRAYS]
+    gyros = gyros or [array for array in triples if _unit_behind(array, mark, GYRO_ARRAYS, GYRO_SPELLINGS)]
     if not gyros:
         return None
     if len(gyros) > 1:
@@ -307,11 +309,15 @@ def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name:
             f"--variable {groups[0]}."
         )
     gyro, group = gyros[0], _group(gyros[0], mark)
-    accels = [array for array in triples if _plain(array, mark) in ACCEL_ARRAYS and _group(array, mark) == group]
+    beside = [array for array in triples if _group(array, mark) == group]
+    accels = [array for array in beside if _plain(array, mark) in ACCEL_ARRAYS]
+    accels = accels or [array for array in beside if _unit_behind(array, mark, ACCEL_ARRAYS, ACCEL_SPELLINGS)]
     times = [
         array
         for array, columns in arrays.items()
-        if len(columns) == 1 and _plain(array, mark) in TIME_ARRAYS and _group(array, mark) in (group, "")
+        if len(columns) == 1
+        and _group(array, mark) in (group, "")
+        and (_plain(array, mark) in TIME_ARRAYS or _unit_behind(array, mark, TIME_ARRAYS, TIME_SPELLINGS))
     ]
     if len(accels) > 1:
         raise InputError(f"{name} holds {' and '.join(accels)}; say which one with --columns f_x={accels[0]}[0],...")
@@ -333,7 +339,19 @@ def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name:
         return Chosen(
             ordered, named, Facts(rate_hz=rate_hz), _NAVEGO, "read as NaveGo: rad/s, m/s2, forward-right-down"
         )
-    return Chosen(ordered, named, Facts(rate_hz=rate_hz))
+    gyro_unit = _unit_behind(gyro, mark, GYRO_ARRAYS, GYRO_SPELLINGS)
+    accel_unit = _unit_behind(accels[0], mark, ACCEL_ARRAYS, ACCEL_SPELLINGS) if accels else None
+    return Chosen(ordered, named, Facts(rate_hz=rate_hz, gyro_unit=gyro_unit, accel_unit=accel_unit))
+
+
+def _unit_behind(array: str, mark: str, names: Collection[str], spellings: dict[str, tuple[str, ...]]) -> str | None:
+    """The unit behind the name of an array that is one of `names`: gyro_dps, acc_m_s2, time_ms; None without one."""
+    words = array.rsplit(mark, 1)[-1].split("_")
+    for end in range(len(words) - 1, 0, -1):
+        unit = spelled("_".join(words[end:]), spellings) or spelled("".join(words[end:]), spellings)
+        if unit and _plain("_".join(words[:end]), mark) in names:
+            return unit
+    return None
 
 
 def _rate(scalars: Mapping[str, float], group: str, mark: str) -> float | None:

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import OpenQuestion, ask
 from gyronorth.readers.clock import Envelope, measure, width_of
 from gyronorth.readers.declared import Declared
-from gyronorth.readers.evidence import is_whole
+from gyronorth.readers.evidence import COUNTS_PER_G, NEAR_GRAVITY, is_whole, norm_of_parts
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Question, Source
 from gyronorth.readers.waiting import Rows, first_run, repeats
@@ -380,9 +381,11 @@ class GridBuilder:
             lead = f"Row {row} of {self._source.name}: {why}. {len(wrong)} of {len(data)} rows are like it"
             values = block.values[:, block.values.shape[1] - data.shape[1] :]
             if is_whole(values) and np.abs(values).max() > 1:
-                raise InputError(
+                raise self._cured(
                     f"{lead}, and all are whole numbers, as counts are: the data sheet says how much one is. Declare "
-                    "it: --gyro-scale and --accel-scale, each in the unit of the file."
+                    "it: --gyro-scale and --accel-scale, each in the unit of the file.",
+                    *("--gyro-scale", f"{self._declared.gyro_unit.upper().replace('/', '_PER_')}_IN_ONE_COUNT"),
+                    *self._scale_by_gravity(values[:, 3:]),
                 )
             raise InputError(
                 f"{lead}: are columns and units declared right? (A sensor that is absent can be left out: --columns "
@@ -390,6 +393,14 @@ class GridBuilder:
             )
         reasons += described
         return usable
+
+    def _scale_by_gravity(self, counts: NDArray[np.float64]) -> tuple[str, ...]:
+        """The scale of an accelerometer's counts, (n, 3), that makes gravity of them; none without an accelerometer."""
+        size = norm_of_parts(counts) if counts.shape[1] else 0.0
+        if size == 0:
+            return ()
+        size = next((each for each in COUNTS_PER_G if abs(size / each - 1) < NEAR_GRAVITY / 2), size)
+        return "--accel-scale", f"{STANDARD_GRAVITY / ACCEL_UNITS[self._declared.accel_unit] / size:.6g}"
 
     def _why(self, raw: NDArray[np.float64], data: NDArray[np.float64]) -> str:
         """What is wrong with one row, in the units of the file."""

@@ -48,11 +48,13 @@ PARTS = 21
 
 
 class Misfit(InputError):
-    """A declaration that cannot be right, and the first of those that fit in its place, if there is one."""
+    """A declaration that cannot be right, and the first of those that fit in its place, or the options that cure it."""
 
-    def __init__(self, text: str, sensor: str = "", unit: str = "", increments: bool = False) -> None:
+    def __init__(
+        self, text: str, sensor: str = "", unit: str = "", increments: bool = False, options: tuple[str, ...] = ()
+    ) -> None:
         super().__init__(text)
-        self.sensor, self.unit, self.increments = sensor, unit, increments
+        self.sensor, self.unit, self.increments, self.options = sensor, unit, increments, options
 
 
 def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: float, name: str) -> None:
@@ -73,7 +75,8 @@ def check_units(samples: NDArray[np.float64], declared: Declared, *, rate_hz: fl
     force = vertical = None
     if samples.shape[1] == 6:
         force, _ = robust_mean(samples[:, 3:], PARTS)
-        _check_force(norm_of_parts(samples[:, 3:]), declared, rate_hz=rate_hz, name=name)
+        norm = float(np.linalg.norm(gyro)) / EARTH_RATE
+        _check_force(norm_of_parts(samples[:, 3:]), norm, declared, rate_hz=rate_hz, name=name)
         vertical = float(gyro @ force / np.linalg.norm(force))
     norm, noise = float(np.linalg.norm(gyro)) / EARTH_RATE, sample_noise(samples[:, :3]) / np.sqrt(rate_hz)
     uncertain = float(np.linalg.norm(gyro_error)) / EARTH_RATE
@@ -232,8 +235,8 @@ def _vertical_conventions(force_file: NDArray[np.float64]) -> str:
     return " or ".join(found)
 
 
-def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) -> None:
-    """Mean specific force, m/s^2, against gravity."""
+def _check_force(size: float, norm: float, declared: Declared, *, rate_hz: float, name: str) -> None:
+    """Mean specific force, m/s^2, against gravity; `norm` is the mean rate in Earth rates."""
     share = size / STANDARD_GRAVITY
     if FORCE_LOW <= share <= FORCE_HIGH:
         return
@@ -245,18 +248,24 @@ def _check_force(size: float, declared: Declared, *, rate_hz: float, name: str) 
     parts = [number for number in KEPT_ONE_OF if abs(share * number - 1) < NEAR_GRAVITY]
     if not proposed and parts:
         interval = 1 / (parts[0] * rate_hz) if declared.increment_interval is None else None
-        cure = f"That is gravity over {parts[0]}"
+        cure, options = f"That is gravity over {parts[0]}", ()
         if declared.increments and interval is not None:
             cure += (
                 f": each increment covers {1e3 * interval:.4g} ms, but one is logged every {1e3 / rate_hz:.4g} ms. "
                 f"--increment-interval {interval:.6g} fits."
             )
+            options = ("--increment-interval", f"{interval:.6g}")
         else:
             cure += (
                 f": increments of a sensor {parts[0]} times as fast, or a driver with the wrong rate, are likely. "
                 f"--accel-scale {parts[0]} makes it gravity; the rates are probably wrong by as much (--gyro-scale)."
             )
-        raise InputError(_weighs(size, declared, name) + cure)
+            scales = ("--accel-scale", f"{parts[0] * declared.accel_scale:.10g}")
+            if abs(norm * parts[0] - 1) < NEAR_EARTH_RATE:
+                options = (*scales, "--gyro-scale", f"{parts[0] * declared.gyro_scale:.10g}")
+            elif abs(norm - 1) < NEAR_EARTH_RATE:
+                options = scales
+        raise Misfit(_weighs(size, declared, name) + cure, options=options)
     if proposed:
         fits = " or ".join(_words("accel", *each, declared) for each in proposed)
         raise Misfit(f"{_weighs(size, declared, name)}{fits} fits.", "accel", *proposed[0])

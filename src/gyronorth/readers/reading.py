@@ -206,8 +206,10 @@ class Reading:
             try:
                 check_units(samples, self.declared, rate_hz=self.rate_hz, name=self.source.name)
             except Misfit as misfit:
-                cure = in_place_of(self.source, self.declared, misfit.sensor, misfit.unit, misfit.increments)
-                if not misfit.sensor or not cure:
+                cure = misfit.options
+                if misfit.sensor:
+                    cure = in_place_of(self.source, self.declared, misfit.sensor, misfit.unit, misfit.increments)
+                if not cure:
                     raise
                 raise ask(self.source.name, self.options, [Question(str(misfit), cure, certain=False)]) from None
         return check_axes(samples, self.declared, name=self.source.name)

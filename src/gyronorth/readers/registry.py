@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -144,11 +146,15 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
             return _held(unpacked(path, suffix), path.name, options, depth)
         if head.startswith(ZIP) and _is_archive(path, options):
             return _unzipped(path, None, options, depth)
-        if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
-            raise InputError(pickled(path.name))
+        _refuse_pickles(path, head)
         if (rewritten := _rewriter(path, options)) is not None:
             return _held(rewritten(path), path.name, options, depth)
     return _by_format(path, options)
+
+
+def _refuse_pickles(path: Path, head: bytes) -> None:
+    if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
+        raise InputError(pickled(path.name))
 
 
 def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | None:
@@ -231,7 +237,8 @@ def recordings_in(folder: str | Path) -> list[Path]:
     """The recordings in a folder and the folders below it, by name.
 
     Everything with a known suffix counts, packed or not, each .txt that is an export of MT Manager, and each
-    folder that is a bag of ROS 2, as one; hidden files and folders do not.
+    folder that is a bag of ROS 2, as one; hidden files and folders do not. A link whose file is gone and a folder that
+    may not be looked into are among them: reading them says so.
 
     Raises
     ------
@@ -241,18 +248,17 @@ def recordings_in(folder: str | Path) -> list[Path]:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder.")
-    found = []
-    for path in folder.rglob("*"):
-        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        if hidden or any(is_bag_folder(above) for above in path.parents if above.is_relative_to(folder)):
-            continue
-        if path.is_dir() and is_bag_folder(path):
-            found.append(path)
-        if not path.is_file():
-            continue
-        known = inner_suffix(path) in FORMATS.suffixes
-        if known or (path.suffix.lower() == ".txt" and _head(path).startswith(b"//")):
-            found.append(path)
+    found: list[Path] = []
+    closed = partial(_note_closed, found)
+    for place, folders, names in os.walk(folder, onerror=closed):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for name in [name for name in folders if _is_bag(Path(place, name))]:
+            folders.remove(name)
+            found.append(Path(place, name))
+        for path in (Path(place, name) for name in names if not name.startswith(".")):
+            known = inner_suffix(path) in FORMATS.suffixes and (path.is_file() or path.is_symlink())
+            if known or (path.suffix.lower() == ".txt" and path.is_file() and _head(path).startswith(b"//")):
+                found.append(path)
     if not found:
         state = "holds no recordings" if any(folder.iterdir()) else "is empty and holds no recordings"
         raise InputError(
@@ -261,6 +267,19 @@ def recordings_in(folder: str | Path) -> list[Path]:
             "first."
         )
     return sorted(found, key=natural_order)
+
+
+def _is_bag(folder: Path) -> bool:
+    """Whether a folder is a bag of ROS 2; one that may not be looked into is none."""
+    try:
+        return is_bag_folder(folder)
+    except PermissionError:
+        return False
+
+
+def _note_closed(found: list[Path], error: OSError) -> None:
+    """Put a folder that cannot be listed among the recordings, where its row tells of it."""
+    found.append(Path(str(error.filename)))
 
 
 def natural_order(path: Path) -> tuple[object, ...]:

@@ -27,7 +27,9 @@ EPOCH_S = (1.0e9, 2.2e9)
 #: Days since 1900 of spreadsheets, since year 0 of MATLAB, Julian days: from about 1990 to 2070.
 DAY_NUMBERS = ((32000.0, 62500.0), (726000.0, 757000.0), (2447000.0, 2478000.0))
 #: Words of a title that is seconds of the GPS week.
-OF_THE_WEEK = frozenset(("sow", "tow", "towms"))
+OF_THE_WEEK = frozenset(("sow", "tow", "towms", "gpstow", "itow"))
+#: Seconds in one unit of the parts of a second that stand beside whole seconds.
+PARTS_OF_A_SECOND = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,10 @@ def find_clock(
     of_day = {kind: [i for i, each in enumerate(parts) if each.kind == kind] for kind in ("hour", "minute")}
     if all(len(found) == 1 for found in of_day.values()):
         hour, minute = of_day["hour"][0], of_day["minute"][0]
-        columns = ClockColumns((hour, minute, position), (3600.0, 60.0, 1.0))
+        parts_of = [i for i, each in enumerate(parts) if each.kind == "time" and each.unit in PARTS_OF_A_SECOND]
+        behind = [i for i in parts_of if i != position and _is_part(layout, position, i, parts[i].unit or "ns")][:1]
+        factors = (3600.0, 60.0, 1.0, *(PARTS_OF_A_SECOND[parts[i].unit or "ns"] for i in behind))
+        columns = ClockColumns((hour, minute, position, *behind), factors)
         return FoundClock(Clock(1.0, DAY, title, known=True), columns, position, f"hours, minutes and {title}")
     partner = _partner(parts, position)
     if partner is not None and parts[partner].kind == "week":
@@ -79,8 +84,8 @@ def find_clock(
         return FoundClock(
             Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
         )
-    if partner is not None:
-        columns = ClockColumns((position, partner), (1.0, 1e-9))
+    if partner is not None and _is_part(layout, position, partner, parts[partner].unit or "ns"):
+        columns = ClockColumns((position, partner), (1.0, PARTS_OF_A_SECOND[parts[partner].unit or "ns"]))
         return FoundClock(
             Clock(1.0, name=title, known=True), columns, position, f"{title} and {layout.titles[partner]}"
         )
@@ -107,8 +112,9 @@ def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:
             continue
         score = {"time": 0.0, "counter": 10.0}[part.kind] + 0.01 * position
         score += 0.0 if part.unit or text or part.words in (("time",), ("t",), ("timestamp",)) else 1.0
-        score += 5.0 if not set(part.words) & (TIME_WORDS | COUNTER_WORDS) else 0.0  # by its unit alone
-        score += 2.0 if part.unit == "ns" and _partner(parts, position) is None and len(part.words) > 1 else 0.0
+        score += 5.0 if part.words and not set(part.words) & (TIME_WORDS | COUNTER_WORDS) else 0.0  # by its unit alone
+        whole = any(other.words == part.words and other.unit == "s" for other in parts)
+        score += 2.0 if part.unit in PARTS_OF_A_SECOND and whole else 0.0
         if best is None or score < best[0]:
             best = (score, position)
     return None if best is None else best[1]
@@ -160,9 +166,16 @@ def _partner(parts: Sequence[Title], position: int) -> int | None:
         return weeks[0]
     for i, other in enumerate(parts):
         beside = other.words == part.words and i != position and other.kind == "time"
-        if beside and part.unit == "s" and other.unit == "ns":
+        if beside and part.unit == "s" and other.unit in PARTS_OF_A_SECOND:
             return i
     return None
+
+
+def _is_part(layout: TextLayout, seconds: int, part: int, unit: str) -> bool:
+    """Whether a column holds the parts of the whole seconds in another, and not the same time once more."""
+    whole, parts = numbers(layout, seconds), numbers(layout, part) * PARTS_OF_A_SECOND[unit]
+    whole, parts = whole[np.isfinite(whole)], parts[np.isfinite(parts)]
+    return bool((whole == np.rint(whole)).all() and (parts >= 0).all() and (parts < 1).all())
 
 
 def _unit(

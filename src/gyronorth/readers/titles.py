@@ -56,6 +56,7 @@ OTHER_WORDS = frozenset(
 )
 TIME_WORDS = frozenset(
     """
+    tv gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
@@ -162,6 +163,8 @@ def _title(words: list[str], axis: int | None, candidates: list[str]) -> Title:
                 break
     kind, increments = _kind(named, axis, found, stated=bool(candidates))
     unit = _unit_for(kind, found, increments)
+    if kind == "time" and unit is None and len(named) == 1 and (bare := spelled(named[0], TIME_SPELLINGS)):
+        unit, named = bare, []  # sec, nanosec
     if kind in ("gyro", "accel") and unit is None and found and not increments:
         angle = found.get("angle" if kind == "gyro" else "velocity")
         increments = bool(angle and any(word in ("increment", "increments", "inc", "delta") for word in named))

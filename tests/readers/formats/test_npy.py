@@ -119,3 +119,12 @@ def test_a_clock_in_another_unit_is_told_by_its_steps(tmp_path):
     np.savez(tmp_path / "rec.npz", timestamp=stamps, gyro=GYRO, accel=ACCEL)
     recording = read(tmp_path / "rec.npz", **SI)
     assert recording.rate_hz == pytest.approx(RATE, rel=1e-3)
+
+
+def test_units_behind_the_names_of_arrays_count_as_stated(tmp_path):
+    path = tmp_path / "units.npz"
+    np.savez(path, time_us=np.rint(1e6 * TIME), gyro_dps=np.degrees(GYRO), acc_g=ACCEL / 9.80665)
+    recording = read(path, axes="frd")
+    assert recording.rate_hz == pytest.approx(100)
+    assert_allclose(recording.gyro_b, GYRO, atol=1e-12)
+    assert_allclose(recording.accel_b, ACCEL, atol=1e-9)

@@ -22,8 +22,9 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gyronorth.alignment.tones.mixture import mixture
 from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
-from gyronorth.angles import DEG_PER_HOUR, wrap, wrap_heading
+from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -45,8 +46,6 @@ TIME_CONSTANT_BINS = (15.0, 20.0, 27.0, 36.0, 48.0, 64.0, 84.0, 104.0, 120.0)
 BUMP_CHI2, BUMP_ROUNDS = 26.0, 6
 #: Models that are less likely than the best by this factor are left out of the average.
 NEGLIGIBLE = 1e-6
-#: Headings on which the posterior is computed.
-HEADINGS = 1440
 #: Turn-on biases tried for a sensor without a profile, rad/s, evenly weighted.
 UNKNOWN_BIAS = tuple(b * DEG_PER_HOUR for b in (0.1, 0.3, 1.0, 3.0, 10.0, 30.0))
 
@@ -384,31 +383,3 @@ def _weigh(models: _Models, latitude: float, biases: tuple[float, ...]) -> tuple
     kept = log_weight > largest + np.log(NEGLIGIBLE)
     weight = np.exp(log_weight[kept] - largest)
     return weight / weight.sum(), concentration[kept], rows[kept], used[kept]
-
-
-def mixture(centre: Array, concentration: Array, weight: Array) -> tuple[float, float, tuple[float, float]]:
-    """Mean, root mean square deviation and shortest 95 % interval of a mixture of von Mises laws."""
-    from scipy.special import i0e, i1e
-
-    pull = weight * i1e(concentration) / i0e(concentration)
-    mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
-    off = wrap(centre - mean)
-    spread = np.sqrt(weight @ (off**2 + 1 / np.maximum(concentration, 1e-3)))
-    reach = min(np.pi, 10 * spread)
-    grid = (np.arange(HEADINGS) + 0.5) / HEADINGS * 2 * reach - reach
-    density = np.zeros(HEADINGS)
-    order = np.argsort(-weight)
-    order = order[: np.searchsorted(np.cumsum(weight[order]), 0.9999) + 1]
-    for part in np.array_split(order, -(-len(order) // 500)):
-        peak = concentration[part, None] * (np.cos(grid - off[part, None]) - 1)
-        density += weight[part] / i0e(concentration[part]) @ np.exp(peak)
-    density /= density.sum()
-    middle = float(density @ grid)
-    edges = np.linspace(-reach, reach, HEADINGS + 1)
-    cumulative = np.concatenate([[0.0], np.cumsum(density)])
-    starts = edges[cumulative <= 0.05]
-    ends = np.interp(cumulative[: len(starts)] + 0.95, cumulative, edges)
-    shortest = int(np.argmin(ends - starts))
-    low, high = mean + starts[shortest], mean + ends[shortest]
-    sigma = float(np.sqrt(density @ (grid - middle) ** 2))
-    return float(wrap_heading(mean + middle)), sigma, (float(wrap_heading(low)), float(wrap_heading(high)))

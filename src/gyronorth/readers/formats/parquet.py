@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -68,7 +67,13 @@ def open_parquet(path: Path, options: ReadOptions) -> Source:
     facts = with_titles(facts, chosen, first, clock, path.name)
     told_units = {"gyro": options.gyro_unit or facts.gyro_unit or "unit open",
                   "accel": options.accel_unit or facts.accel_unit or "unit open"}  # fmt: skip
-    reading = partial(_batches, path, list(columns.values()), list(units.values()), zero)
+    parts = clock.columns if clock is not None else None
+    if parts is None:
+        reading = partial(_batches, path, list(columns.values()), list(units.values()), zero)
+    else:
+        others = [position for name, position in columns.items() if name != TIME]
+        plain = partial(_batches, path, [*parts.positions, *others], [None] * (len(parts.positions) + len(others)), 0)
+        reading = partial(_put_together, plain, parts.factors)
     return Source(
         format="parquet",
         name=path.name,
@@ -112,10 +117,8 @@ def _clock(
     position = columns[TIME]
     if first is None or units[TIME] is not None:
         return FoundClock(Clock(unit=1.0, name=titles[position]), None, position, f"{titles[position]} (by its type)")
-    rows = tuple((row[position],) for row in first.rows)
-    alone = replace(first, titles=(titles[position],), width=1, rows=rows)
     known = options.rate_hz or facts.rate_hz
-    return find_clock(alone, [take_apart(titles[position])], 0, options.time_unit, known)
+    return find_clock(first, [take_apart(title) for title in titles], position, options.time_unit, known)
 
 
 def write_parquet(outgoing: RecordingStream, path: Path) -> None:
@@ -159,13 +162,14 @@ def _unit(kind: Any, name: str, file: str) -> float | None:
     seconds = _seconds(kind, file)
     if seconds is None or (seconds and name == TIME):
         return seconds
-    raise InputError(f"Column {name} of {file} holds {kind}; numbers are expected.")
+    cure = " Leave it out and declare the rate: --columns t=- --rate HZ." if name == TIME else ""
+    raise InputError(f"Column {name} of {file} holds {kind}; numbers are expected.{cure}")
 
 
 def _seconds(kind: Any, file: str) -> float | None:
     """None for plain numbers, seconds in one unit of dates or times, 0 for what is neither."""
     types = library("pyarrow.types", file, "Parquet")
-    if types.is_integer(kind) or types.is_floating(kind):
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
         return None
     if types.is_timestamp(kind) or types.is_duration(kind):
         return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
@@ -194,6 +198,17 @@ def _batches(
         for batch in (batch for number in numbers for batch in file.iter_batches(row_groups=[number], **how)):
             columns = [_numbers(batch.column(name), unit, zero) for name, unit in zip(names, units, strict=True)]
             yield np.stack(columns, axis=1)
+
+
+def _put_together(
+    reading: Callable[[list[int] | None], Iterator[NDArray[np.float64]]],
+    factors: tuple[float, ...],
+    groups: list[int] | None,
+) -> Iterator[NDArray[np.float64]]:
+    """Numbers whose first columns are one time: seconds and nanoseconds, week and seconds of it."""
+    count = len(factors)
+    for values in reading(groups):
+        yield np.column_stack([values[:, :count] @ np.array(factors), values[:, count:]])
 
 
 def _numbers(column: Any, unit: float | None, zero: int) -> NDArray[np.float64]:
