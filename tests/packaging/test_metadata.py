@@ -85,7 +85,9 @@ def test_the_oldest_packages_tested_are_the_lower_bounds():
     text = (ROOT / "Makefile").read_text()
     tested = dict(pin.split("==") for pin in re.search(r"^OLDEST := (.+)$", text, re.MULTILINE)[1].split())
     extras = PROJECT["optional-dependencies"]
-    bounds = dict(line.split(">=") for line in (*PROJECT["dependencies"], *extras["report"], *extras["io"]))
+    bounds = dict(
+        line.split(">=") for line in (*PROJECT["dependencies"], *extras["report"], *extras["io"], *extras["learned"])
+    )
     del bounds["typing-extensions"]  # of the standard library's own makers, and pydantic asks for a later one
     assert tested.keys() == bounds.keys()
     for name, bound in bounds.items():
