@@ -69,7 +69,8 @@ def test_half_an_hour_of_frames_loses_none_and_kill_9_loses_a_second(tmp_path, m
     for at in range(0, len(kept), 1 << 20):
         samples = stream.feed(kept[at : at + (1 << 20)])
         good += 0 if samples is None else len(samples)
-    rows = sum(line[0] in "-.0123456789" for line in saved.open())
+    with saved.open() as lines:
+        rows = sum(line[0] in "-.0123456789" for line in lines)
     print(f"{len(sent)} bytes, {len(kept)} kept, {good} good frames, {rows} rows")
     print(f"memory {np.round(memory).tolist()} MB")
     assert good - RATE_HZ * SPEED < rows <= good
