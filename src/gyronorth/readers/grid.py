@@ -16,6 +16,7 @@ from gyronorth.readers.asking import OpenQuestion, ask
 from gyronorth.readers.clock import Envelope, measure, width_of
 from gyronorth.readers.declared import Declared
 from gyronorth.readers.evidence import COUNTS_PER_G, NEAR_GRAVITY, is_whole, norm_of_parts
+from gyronorth.readers.no_clock import NO_CLOCK, coarse, timeless, unclear
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions
 from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Question, Source
 from gyronorth.readers.waiting import Rows, first_run, repeats
@@ -57,8 +58,6 @@ RESTART_ROWS = 20
 MOST_REPEATED = 0.6
 #: A part before a gap or a restart that is shorter than this, s, is no use.
 LEAST_PART = 1.0
-#: The options of a file whose times tell nothing.
-NO_CLOCK = ("--columns", "t=-", "--rate", "HZ")
 #: More bad rows than this end the reading at once.
 PATIENCE = 1000
 
@@ -248,9 +247,9 @@ class GridBuilder:
             twice = np.zeros(len(step), dtype=bool) if (step != 0).all() else repeats(step, data)
             interval = measure(step[~twice], unit=clock.unit)
             if interval is None and (self.rate_hz is None or len(time) > 1):
-                raise self._timeless(time, clock.name)
+                raise self._cured(*timeless(time, self._differences(time), clock, self._source.name))
             if interval is not None and np.isnan(interval):
-                raise self._unclear(time, clock.name)
+                raise self._cured(*unclear(time, clock, self._source.name))
             if interval is None:
                 self._interval = 1 / ((self.rate_hz or 1.0) * (clock.unit or 1.0))
             else:
@@ -280,55 +279,12 @@ class GridBuilder:
             )
 
     def _check_coarse(self, step: NDArray[np.float64], clock: Clock) -> None:
-        """More than pairs of rows with one stamp: the clock tells the rate by its ticks, but no single sample."""
-        if clock.unit is None or len(step) < RESTART_ROWS:
-            return
-        share = float(np.mean(step == 0))
-        if share > MOST_REPEATED:
-            step = step[step >= 0]
-            ticks = np.flatnonzero(step)
-            rows = ticks[-1] - ticks[0]
-            spans = float(step[ticks[0] + 1 : ticks[-1] + 1].sum()) if rows else float(step.mean())
-            rate_hz = max(1, rows) / (spans * clock.unit)
-            raise self._cured(
-                f"{clock.name} of {self._source.name} repeats the stamp before it in {share:.0%} of the rows, with "
-                f"other values: it is too coarse. By its ticks the rate is about {rate_hz:.5g} Hz. Leave it out, "
-                f"and declare the rate: --columns t=- --rate {rate_hz:.5g}.",
-                *NO_CLOCK[:-1],
-                f"{rate_hz:.5g}",
-            )
+        if clock.unit is not None and len(step) >= RESTART_ROWS and np.mean(step == 0) > MOST_REPEATED:
+            raise self._cured(*coarse(step, clock, self._source.name))
 
     def _cured(self, says: str, *options: str) -> OpenQuestion:
         """A message with the options that cure what it tells, which are likely and not certain."""
         return ask(self._source.name, self._options, [Question(says, options, certain=False)])
-
-    def _timeless(self, time: NDArray[np.float64], title: str) -> OpenQuestion:
-        """Why no rate can be had from these times, of which none is later than the one before."""
-        name = self._source.name
-        if len(time) < 2:
-            return self._cured(
-                f"{name} has a single time, so its rate is unknown. Declare it: --rate HZ.", *NO_CLOCK[2:]
-            )
-        cure = "leave that column out and declare the rate: --columns t=- --rate HZ."
-        if (self._differences(time) == 0).all():
-            says = f"{title} of {name} is {time[0]:.10g} in every row: no clock, or one too coarse. Then {cure}"
-            return self._cured(says, *NO_CLOCK)
-        return self._cured(
-            f"{title} of {name} runs backwards, from {time[0]:.10g} to {time[-1]:.10g}: rows in reverse order, or "
-            f"another column taken for time, are likely. Put them in order; or {cure}",
-            *NO_CLOCK,
-        )
-
-    def _unclear(self, time: NDArray[np.float64], title: str) -> OpenQuestion:
-        """Why no rate can be had from stamps that are late by more than the samples lost between them."""
-        unit = self._source.clock.unit if self._source.clock else None
-        rate_hz = (len(time) - 1) / float(time[-1] - time[0]) / (unit or 1.0)
-        return self._cured(
-            f"{title} of {self._source.name} is late by more than a sample interval in most rows, and not all rows are "
-            f"there: on average {rate_hz:.4g} come in a second, the rate is higher. Leave that column out and declare "
-            "the rate: --columns t=- --rate HZ.",
-            *NO_CLOCK,
-        )
 
     def _agree(self, timed: float, title: str) -> None:
         """Rate of the time column, Hz: against the declared one, or in its place."""
@@ -483,7 +439,7 @@ class GridBuilder:
         """What to do about a clock that started again; `where` says at which row, and from what to what."""
         rate_hz, lasts = self.rate_hz or 1.0, (self._position + 1) / (self.rate_hz or 1.0)
         window = f"0:{np.floor(100 * lasts) / 100:g}"
-        before = f"Take the part before it: --window {window}; or, if" if lasts > 1 else "If"
+        before = f"Take the part before it: --window {window}; or, if" if lasts > LEAST_PART else "If"
         rate = f"{rate_hz:.7g}"
         return self._cured(
             f"{where}, and the rows behind it go on from there: the clock was set back or started again, and how much "
