@@ -298,7 +298,7 @@ def test_a_recording_is_named_only_once_its_file_is_there(tmp_path):
 
 def live_of(given: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """`live -` without a page, on what it is given."""
-    command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", *arguments]
+    command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", "--method", "mean", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
     return subprocess.run(command, env=environment, input=given, capture_output=True, text=True, check=False)
 
@@ -459,7 +459,18 @@ def test_a_bad_line_costs_no_good_row():
 
 def test_after_kill_9_the_file_holds_whole_rows_and_all_that_had_come(tmp_path):
     saved = tmp_path / "rec.csv"
-    command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", "--save", str(saved)]
+    command = [
+        sys.executable,
+        "-m",
+        "gyronorth.cli",
+        "live",
+        "-",
+        "--no-page",
+        "--method",
+        "mean",
+        "--save",
+        str(saved),
+    ]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": str(ROOT / "src")}
     )

@@ -198,7 +198,7 @@ def run_sequence(monkeypatch, tmp_path) -> Callable[[list[str]], list[bool]]:
     return run
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(events=EVENTS)
 @example(["rows"] * 3 + ["turn", "rows", "rows", "stall", "rows", "end", "rows", "start", "rows"])
 def test_after_any_sequence_of_events_all_outputs_agree(run_sequence, events):
