@@ -341,7 +341,7 @@ def test_what_looks_at_its_last_window_only_drops_the_rest(method):
 
 
 def fed(seconds=0.0):
-    stream = StreamingHeading(rate_hz=100, latitude=LATITUDE, accelerometer=True)
+    stream = StreamingHeading(rate_hz=100, latitude=LATITUDE, accelerometer=True, method="mean")
     recording = scene("still", duration=30.0, rate_hz=100.0)
     count = round(seconds * 100)
     stream.add(recording.gyro_b[:count], recording.accel_b[:count])
