@@ -99,8 +99,8 @@ def device_imu() -> bytes:
     rows = ["MessageType,utcTimeMillis,MeasurementX,MeasurementY,MeasurementZ,BiasX,BiasY,BiasZ"]
     for time, gyro, accel in zip(TIME[:SHORT], GYRO * FLU, ACCEL * FLU, strict=False):
         stamp = 1_700_000_000_000 + round(time * 1e3)
-        rows.append("UncalAccel,%d,%.5f,%.5f,%.5f,0,0,0" % (stamp, *accel))
-        rows.append("UncalGyro,%d,%.12f,%.12f,%.12f,0,0,0" % (stamp, *gyro))
+        rows.append("UncalAccel,{},{:.5f},{:.5f},{:.5f},0,0,0".format(stamp, *accel))
+        rows.append("UncalGyro,{},{:.12f},{:.12f},{:.12f},0,0,0".format(stamp, *gyro))
     return ("\n".join(rows) + "\n").encode()
 
 
@@ -118,15 +118,14 @@ def span() -> bytes:
     force = [np.round(column / 100 / 2e-8).astype(int) for column in swapped(ACCEL)]
     for i, time in enumerate(TIME[:SHORT] + SECONDS_OF_WEEK):
         counts = (force[2][i], -force[1][i], force[0][i], up[i], -forward[i], right[i])
-        lines.append("RAWIMUSXA,2300,%.3f;00,26,2300,%.9f,00000077,%d,%d,%d,%d,%d,%d" % (time, time, *counts))
+        listed = ",".join(map(str, counts))
+        lines.append(f"RAWIMUSXA,2300,{time:.3f};00,26,2300,{time:.9f},00000077,{listed}")
     return "".join(f"%{line}*{novatel_crc(line):08x}\r\n" for line in lines).encode()
 
 
 def vnimu() -> bytes:
-    lines = [
-        "VNIMU,+00.0000,+00.0000,+00.0000,%+.4f,%+.4f,%+.4f,%+.9f,%+.9f,%+.9f,+25.0,+101.325" % (*accel, *gyro)
-        for gyro, accel in zip(GYRO[:SHORT], ACCEL, strict=False)
-    ]
+    form = "VNIMU,+00.0000,+00.0000,+00.0000" + ",{:+.4f}" * 3 + ",{:+.9f}" * 3 + ",+25.0,+101.325"
+    lines = [form.format(*accel, *gyro) for gyro, accel in zip(GYRO[:SHORT], ACCEL, strict=False)]
     return "".join(f"${line}*{reduce(xor, line.encode()):02X}\r\n" for line in lines).encode()
 
 
@@ -145,7 +144,7 @@ def drive() -> bytes:
     time = np.arange(6000) / 100
     gyro = 30 * np.sin(2 * np.pi * time / 40)[:, None] * [0.02, 0.01, 1] + 0.1 * rng.standard_normal((6000, 3))
     force = [0, 0, -STANDARD_GRAVITY] + 0.5 * rng.standard_normal((6000, 3))
-    return table([TITLED], [time, *(gyro + [0, 0, 24.0]).T, *force.T], rows=ALL)
+    return table([TITLED], [time, *(gyro + np.array([0, 0, 24.0])).T, *force.T], rows=ALL)
 
 
 def decimated() -> bytes:
