@@ -66,6 +66,12 @@ def test_a_header_with_units_is_read_as_that_of_a_file(tmp_path, head, form, com
     assert reader.tally.garbage == 0
 
 
+def test_a_header_in_latin_1_is_a_header(tmp_path):
+    head = "Time (ms),Gyr X (°/s),Gyr Y (°/s),Gyr Z (°/s),Acc X (g),Acc Y (g),Acc Z (g)"
+    data = "\n".join([head, *lines(SEMICOLONS.replace(";", ",")), ""]).encode("latin-1")
+    assert streamed(data, [40], axes="frd").values[-1, 0] == pytest.approx(0.59)
+
+
 def test_bad_lines_and_a_second_header_are_left_out():
     rows = lines(SEMICOLONS)
     text = "\n".join([TITLED, *rows[:45], "1;2;3", TITLED, "garbage", *rows[45:], ""])

@@ -121,7 +121,7 @@ class TextReader:
 
     def _of_block(self, block: Block) -> list[RowBatch]:
         values = block.values
-        good = np.isfinite(values).all(axis=1)
+        good: NDArray[np.bool_] = np.asarray(np.isfinite(values).all(axis=1))
         self._lines += int(good.sum())
         bad = int(len(good) - good.sum()) + len(block.bad.rows)
         if bad:
