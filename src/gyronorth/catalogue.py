@@ -266,7 +266,7 @@ NMEA_SETS = {
     "standard": "HETHS, HEHDT, HEROT",
     "ths": "HETHS, HEROT",
     "hdt": "HEHDT, HEROT",
-    "octans": "HEHDT, PHTRO, PHINF",
+    "octans": "HEHDT, PHTRO, PHTRH (heave empty), PHINF",
 }
 #: Estimators that `allan --export` writes a profile for.
 ALLAN_EXPORTS = ("kalibr", "openvins", "kf-gins", "navtk")
