@@ -228,6 +228,8 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("rosbag2", "ROS 2 bag", _FORMATS + "rosbag", (".db3",), (), "io", takes_columns=False, takes_topic=True),
     FormatInfo("mcap", "MCAP", _FORMATS + "mcap", (".mcap",), (".mcap",), "io", takes_columns=False, takes_topic=True),
     FormatInfo("xlsx", "Excel .xlsx", _FORMATS + "workbook", (".xlsx",), extra="io", takes_variable=True),
+    FormatInfo("miniseed", "miniSEED", _FORMATS + "miniseed", (".mseed", ".miniseed"), extra="io", takes_variable=True),
+    FormatInfo("r", "data of R", _FORMATS + "r_data", (".rds", ".rda", ".rdata"), extra="r", takes_variable=True),
     FormatInfo("doubles", "binary rows of KF-GINS or PSINS", _FORMATS + "doubles", takes_columns=False),
     FormatInfo("frames", "capture of a unit's frames", _FORMATS + "frames", takes_columns=False),
 )
@@ -264,7 +266,7 @@ NMEA_SETS = {
     "standard": "HETHS, HEHDT, HEROT",
     "ths": "HETHS, HEROT",
     "hdt": "HEHDT, HEROT",
-    "octans": "HEHDT, PHTRO, PHINF",
+    "octans": "HEHDT, PHTRO, PHTRH (heave empty), PHINF",
 }
 #: Estimators that `allan --export` writes a profile for.
 ALLAN_EXPORTS = ("kalibr", "openvins", "kf-gins", "navtk")
