@@ -173,6 +173,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     ),
     FindingInfo("units_assumed", "warning", "units assumed", "The frames do not say in which units they are."),
     FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
+    FindingInfo("force_left_out", "warning", "force left out", "Specific force comes less often than the rate."),
     FindingInfo("configuration_changed", "warning", "reconfigured", "The unit sent another configuration on the way."),
     FindingInfo("layout_changed", "warning", "other messages", "The unit sends other messages than at the start."),
     FindingInfo("rate_changed", "warning", "another rate", "The unit was set to another rate on the way."),

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gyronorth.alignment.closed_form import align_mean
 from gyronorth.alignment.motion import MotionStatistics, motion_statistics
 from gyronorth.alignment.result import Attitude
-from gyronorth.alignment.turned.segments import Segments, find_segments
 from gyronorth.arrays import Array
 from gyronorth.attitude import mat_lb
 from gyronorth.conditioning import decimate
 from gyronorth.sensor import Sensor
+
+if TYPE_CHECKING:
+    from gyronorth.alignment.turned.segments import Segments
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,8 @@ class Problem:
         if self.known_segments is not None:
             return self.known_segments
         bias = None if self.sensor is None or self.sensor.gyro.turn_on_bias == 0 else self.sensor.gyro.turn_on_bias
+        from gyronorth.alignment.turned.segments import find_segments
+
         return find_segments(self.gyro_b, self.accel_b, rate_hz=self.rate_hz, turn_on_bias=bias)
 
     def rate_l(self, to_hz: float | None = None) -> Array:

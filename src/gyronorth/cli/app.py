@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from gyronorth.cli import progress
+from gyronorth.cli.conversion import convert_directly
 from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
 from gyronorth.cli.tasks import ABOUT, MODULES
 
@@ -42,7 +43,7 @@ class Commands(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The options of the program itself."""
-        return _without_types(super().get_params(ctx))
+        return _prepared(super().get_params(ctx))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of a name, loaded; for a name that there is not, all are, to offer what is near."""
@@ -50,7 +51,7 @@ class Commands(TyperGroup):
             self._load([module for module, names in MODULES.items() if cmd_name in names] or list(MODULES))
         command: Any = super().get_command(ctx, cmd_name)
         if command is not None:
-            _without_types(command.get_params(ctx))
+            _prepared(command.get_params(ctx))
         return command
 
     def _load(self, modules: Sequence[str] = tuple(MODULES)) -> None:
@@ -92,9 +93,10 @@ class Commands(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _without_types(parameters: list[Any]) -> list[Any]:
-    """The parameters, without the `<bool>` that some versions of typer write behind a switch in the help."""
+def _prepared(parameters: list[Any]) -> list[Any]:
+    """The parameters, converted directly and without the `<bool>` that some versions of typer write behind a switch."""
     for parameter in parameters:
+        convert_directly(parameter)
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""
     return parameters

@@ -9,6 +9,10 @@ import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.findings import Finding
+from gyronorth.frames.protocol import Fields
+
+#: Rates, rad/s, and specific forces, m/s^2, beyond these come from no sensor.
+LARGEST_RATE, LARGEST_FORCE = 1e5, 1e6
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,24 @@ def joined(parts: list[Samples]) -> Samples:
         return None if any(array is None for array in arrays) else np.concatenate(arrays)
 
     return Samples(*(join(name) for name in Samples.__dataclass_fields__))  # type: ignore[arg-type]
+
+
+def usable_ones(fields: Fields, gyro: Array, accel: Array | None) -> Mask:
+    """Which samples hold numbers that a sensor can give."""
+    usable = np.asarray((np.abs(gyro) < LARGEST_RATE).all(axis=1))
+    if accel is not None:
+        usable &= (np.abs(accel) < LARGEST_FORCE).all(axis=1)
+    return usable if fields.usable is None else usable & fields.usable
+
+
+def to_next(jumped: Mask, usable: Mask) -> Mask:
+    """A jump before a sample that is left out is one before the next."""
+    moved = jumped.copy()
+    for place in np.flatnonzero(jumped & ~usable).tolist():
+        following = np.flatnonzero(usable[place:])
+        if len(following):
+            moved[place + following[0]] = True
+    return moved
 
 
 class Kind(NamedTuple):
