@@ -88,6 +88,7 @@ def test_the_help_ends_in_examples():
         (("plan", "--sensor", "sdc50", "--latitude", "32"), "sdc500"),
         (("info", __file__, "--gyro-unit", "deg/sec"), "deg/s"),
         (("haeding",), "heading"),
+        (("info", __file__.replace("help", "hlep")), "test_help.py"),
     ],
 )
 def test_a_name_that_is_nearly_right_is_offered(arguments, meant):
