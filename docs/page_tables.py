@@ -1,7 +1,7 @@
 """A hook of the documentation: tables that come from elsewhere when the pages are built.
 
-`<!-- from README: NAME -->` stands for what lies between the marks of NAME in README.md, and
-`<!-- tests -->` for a table of the test files, counted in their source.
+`<!-- from README: NAME -->` stands for what lies between the marks of NAME in README.md,
+`<!-- tests -->` for a table of the test files, counted in their source, and `<!-- changes -->` for CHANGELOG.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ ORACLES = {
 def on_page_markdown(markdown: str, **_: object) -> str:
     """Put the tables into a page."""
     markdown = re.sub(r"<!-- from README: (\w+) -->", lambda found: of_readme(found[1]), markdown)
-    return markdown.replace("<!-- tests -->", tests()).replace("<!-- oracles -->", oracles())
+    for name, table in (("tests", tests), ("oracles", oracles), ("changes", changes)):
+        if f"<!-- {name} -->" in markdown:
+            markdown = markdown.replace(f"<!-- {name} -->", table())
+    return markdown
 
 
 def of_readme(name: str) -> str:
@@ -35,6 +38,19 @@ def of_readme(name: str) -> str:
         raise ValueError(f"README.md has no mark for {name}")
     # An interval is not broken at its hyphen.
     return re.sub(r"(?<=\d)-(?=\d)", "&#8209;", found[1])
+
+
+def changes() -> str:
+    """The changelog, each group of a version folded under its number of entries."""
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    return re.sub(r"^### ([^\n]+)\n(.*?)(?=^##|\Z)", folded, text, flags=re.MULTILINE | re.DOTALL)
+
+
+def folded(group: re.Match[str]) -> str:
+    """One group of changes."""
+    entries = len(re.findall(r"^- ", group[2], re.MULTILINE))
+    summary = f"<summary>{group[1]}: {entries} entries</summary>"
+    return f'<details markdown="1">\n{summary}\n\n{group[2].strip()}\n\n</details>\n\n'
 
 
 def test_files() -> list[Path]:

@@ -510,10 +510,10 @@ class TestSensors:
 
 
 class TestProcess:
-    """Through the installed entry point, in a process of its own."""
+    """In a process of its own; `python -m gyronorth` is the command."""
 
     def start(self, *arguments, **options):
-        command = [sys.executable, "-m", "gyronorth.cli", *map(str, arguments)]
+        command = [sys.executable, "-m", "gyronorth", *map(str, arguments)]
         return subprocess.run(command, capture_output=True, text=True, **options)
 
     def test_without_standard_output(self, rec):

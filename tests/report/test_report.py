@@ -142,7 +142,7 @@ class TestNmea:
             assert (parsed["HETHS"].headt, parsed["HETHS"].mi) == (40.3, mode)
         assert ("HEHDT" in parsed) is (kind != "ths" and mode != "S")  # a replay is no compass
         if kind == "octans":
-            tilt = ["PHTRO,3.50,P,1.25,T"] if mode != "S" else []
+            tilt = ["PHTRO,3.50,P,1.25,T", "PHTRH,3.50,P,1.25,T,,"] if mode != "S" else []
             word = "PHINF,00000008" if mode != "S" else "PHINF,0000000F"
             assert [line[1:].partition("*")[0] for line in lines if line.startswith("$PH")] == [*tilt, word]
         else:

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import Force, Json, check_outputs, print_json, with_reading, written
+from gyronorth.cli.options import Force, Json
+from gyronorth.cli.outputs import check_outputs, print_json, written
 from gyronorth.cli.progress import files_done, working
+from gyronorth.cli.reading_options import with_reading
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions

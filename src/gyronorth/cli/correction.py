@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import METHODS
-from gyronorth.cli.options import DEG_PER_HOUR, SITE, triple
+from gyronorth.cli.options import SITE
+from gyronorth.cli.parsers import DEG_PER_HOUR, triple
 
 if TYPE_CHECKING:
     from gyronorth.deviation import DeviationModel

@@ -16,16 +16,9 @@ from gyronorth.cli.app import app
 from gyronorth.cli.config import take_config
 from gyronorth.cli.correction import AnySession, Deviation, GyroBias, curve_and_method
 from gyronorth.cli.live_options import LEVELS, latitude_or_receiver, log_level_name, nmea_set_name
-from gyronorth.cli.options import (
-    OUTPUT,
-    SITE,
-    MethodName,
-    RequireSigma,
-    SensorName,
-    degrees,
-    number,
-    with_reading,
-)
+from gyronorth.cli.options import OUTPUT, SITE, MethodName, RequireSigma, SensorName
+from gyronorth.cli.parsers import degrees, number
+from gyronorth.cli.reading_options import with_reading
 
 if TYPE_CHECKING:
     from gyronorth.live.nmea_out import NmeaOut
@@ -37,7 +30,7 @@ if TYPE_CHECKING:
 #: Options of reading that a line of a stream needs.
 DECLARED = (
     "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns",
-    "protocol", "increments", "imu", "accel_range",
+    "protocol", "increments", "imu", "accel_range", "time_unit",
 )  # fmt: skip
 PAGE = "Page"
 #: The counters are told so often, s, at the level "debug".
@@ -320,7 +313,7 @@ def _say(session: Session, said: str) -> str:
 
 
 def _print(session: Session) -> None:
-    from gyronorth.cli.options import print_json
+    from gyronorth.cli.outputs import print_json
 
     print_json(session.status.to_json())
     sys.stdout.flush()

@@ -193,7 +193,7 @@ def _by_format(path: Path, options: ReadOptions) -> Source:
     info = FORMATS.info(name)
     if options.variable is not None and not info.takes_variable:
         raise InputError(
-            f"variable {options.variable!r} is declared, but {path.name} is neither a .mat, .npz, .xlsx nor HDF5 file."
+            f"variable {options.variable!r} is declared, but {path.name} is no file of several tables or arrays."
         )
     if options.topic is not None and not info.takes_topic:
         raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")

@@ -111,6 +111,11 @@ class Triple:
     scale: float = 1.0  # of its unit in one number
 
 
+def last_part(title: str, mark: str) -> str:
+    """What the title of an array says of its column; names of R, parted by a mark of their own, have points in them."""
+    return re.split(r"[./]" if mark in "./" else re.escape(mark), title)[-1]
+
+
 def take_apart(title: str, unit: str = "") -> Title:
     """Words, axis and unit of a title; `unit` is what a row of units holds below it.
 
