@@ -100,15 +100,6 @@ def browser(chromium) -> Iterator[Any]:
         browser.close()
 
 
-def assert_usable_by_all(page) -> None:
-    """axe finds nothing serious: contrast, names of controls, order, languages."""
-    from axe_playwright_python.sync_playwright import Axe
-
-    found = Axe().run(page).response["violations"]
-    grave = [rule for rule in found if rule["impact"] in ("serious", "critical")]
-    assert [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in grave] == []
-
-
 #: Samples of the first stand, their rate, and how much faster they come.
 STAND, RATE_HZ, SPEED = 6000, 100, 6
 STRUCK = "getComputedStyle(document.querySelector('[data-heading]')).textDecorationLine"
@@ -136,7 +127,7 @@ def feed(pipe: int, lines: list[str], released: Event) -> None:
 
 @pytest.mark.slow
 def test_a_turned_recording_on_the_page(tmp_path, browser):
-    """Aligning, valid, lost by a stop, a server that freezes, the end, a server that dies; tablet and phone."""
+    """Aligning, valid, lost by a stop, a server that freezes, the end, a server that dies."""
     from playwright.sync_api import expect
 
     truth = turned_recording(tmp_path / "turned.csv")
@@ -204,10 +195,7 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         page.get_by_role("button", name="Set the alignment offset").click()
         turned = re.compile(f"{heading_deg + 10:.1f}".replace(".", r"\.")[:-1])
         expect(page.locator("[data-heading]")).to_contain_text(turned, timeout=60_000)
-        page.locator("summary").click()
-        phone(page)
         assert problems == []
-        assert_usable_by_all(page)  # last: it keeps the page busy for so long that a slow machine loses keys
         process.kill()
         expect(verdict).to_contain_text("Invalid: no news from the instrument", timeout=30_000)
         assert page.evaluate(STRUCK) == "line-through"
@@ -226,22 +214,6 @@ def page_heading(page, folder: Path, heading_deg: float, url: str) -> None:
     assert page.request.get(f"{url}recording").body() == (folder / "north.2.csv").read_bytes()
     assert f"{degrees(offline.heading):.2f}" in (folder / "north.2.html").read_text()
     assert "<svg" in page.request.get(f"{url}report").text()
-
-
-def phone(page) -> None:
-    """Nothing is wider than a phone, every button is reached with the Tab key, and d turns the page dark."""
-    page.set_viewport_size({"width": 390, "height": 844})
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    reached = set()
-    for _ in range(16):
-        page.keyboard.press("Tab")
-        reached.add(page.evaluate("document.activeElement.getAttribute('aria-label')"))
-    assert {"Save (key v)", "Dark or light"} <= reached
-    colour = "getComputedStyle(document.body).backgroundColor"
-    page.evaluate("document.activeElement.blur()")  # the field of the offset takes letters for itself
-    before = page.evaluate(colour)
-    page.keyboard.press("d")
-    page.wait_for_function(f"{colour} != '{before}'")
 
 
 @pytest.fixture(scope="module")

@@ -69,13 +69,18 @@ class Problem:
         return align_mean(self.gyro_b, self.accel_b, attitude=self.attitude)
 
     @cached_property
+    def mat_lb(self) -> Array:
+        """Rotation from the body frame to the level frame of the mean, shape (..., 3, 3)."""
+        return mat_lb(self.mean.roll, self.mean.pitch)
+
+    @cached_property
     def motion(self) -> MotionStatistics:
         """What the samples show of motion and noise."""
         return motion_statistics(
             self.gyro_b,
             self.accel_b,
             rate_hz=self.rate_hz,
-            mat_lb=mat_lb(self.mean.roll, self.mean.pitch),
+            mat_lb=self.mat_lb,
             sensor=self.sensor,
         )
 
@@ -94,7 +99,7 @@ class Problem:
         gyro_b = self.gyro_b
         if to_hz is not None and to_hz < self.rate_hz:
             gyro_b = decimate(gyro_b, rate_hz=self.rate_hz, to_hz=to_hz)
-        return gyro_b @ np.swapaxes(mat_lb(self.mean.roll, self.mean.pitch), -1, -2)
+        return gyro_b @ np.swapaxes(self.mat_lb, -1, -2)
 
     def part(self, seconds: float) -> Problem:
         """The first `seconds`, s, or the last where negative; all where there are no more."""
