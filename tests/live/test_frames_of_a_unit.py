@@ -101,7 +101,7 @@ def test_a_broken_cable_of_a_unit_without_time_begins_files_that_replay_by_thems
         open_source(str(tmp_path / "rec.2.bin"), options, speed=1000.0), replace(session.settings, save=None)
     )
     again.start()
-    assert again.ended.wait(30)
+    assert again.ended.wait(90)
     again.close()
     assert again.status.measured is not None
     assert session.status.measured is not None
@@ -133,7 +133,7 @@ def test_start_begins_a_capture_of_what_comes_after(monkeypatch, tmp_path):
     source = Played(*pieces(data[:cut]), 0.2, begin, *pieces(data[cut:]))
     session.append(Session(source, LiveSettings(options, method="mean", save=tmp_path / "rec.csv")))
     session[0].start()
-    assert session[0].ended.wait(30)
+    assert session[0].ended.wait(90)
     session[0].close()
     status = session[0].status
     assert status.measured is not None
