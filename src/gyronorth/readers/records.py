@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
+from gyronorth.readers.sentences import rewriting_of
 from gyronorth.readers.spool import MOST, Spooled
 
 #: Bytes of whole lines that are written anew at a time, and most bytes of a file that is one JSON array.
@@ -38,14 +39,16 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     body = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if b"\0" in body[:1024]:
         return None
+    if re.match(rb"\[\s*\{", body) or _is_one_object(body):
+        return _of_array
     lines = [line.strip() for line in body.split(b"\n")[: LOOKED_AT + 1]][:-1] or [body]
     lines = [line for line in lines if line]
     if not lines or max(map(len, lines)) > LONGEST:
         return None
     if any(_gnss_fields(line, _GYROS) for line in body.split(b"\n") if line.startswith(b"#")):
         return _of_gnss_logger
-    if re.match(rb"\[\s*\{", body):
-        return _of_array
+    if (rewriting := rewriting_of(lines, body)) is not None:
+        return lambda path: _spooled(path, (piece for piece in rewriting(_pieces(path)) if piece))
     if body.startswith(b"{") and (b":" in lines[0]) and lines[0].endswith((b"}", b"},")):
         return _of_objects
     behind = lines[1:] or lines
@@ -54,6 +57,12 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     if all(_BRACKETED.fullmatch(line) for line in behind) and behind[0].count(b",") >= FEWEST - 1:
         return _of_lists
     return None
+
+
+def _is_one_object(body: bytes) -> bool:
+    """Whether the file begins as one JSON object: in one line that does not end, or over lines of one name each."""
+    first = body.split(b"\n", 1)[0].strip()
+    return body.startswith(b"{") and (first == b"{" or (b"\n" not in body and len(body) > LONGEST))
 
 
 def _spooled(path: Path, pieces: Iterable[bytes]) -> Spooled:
@@ -91,7 +100,7 @@ def _of_objects(path: Path) -> Spooled:
 
 
 def _of_array(path: Path) -> Spooled:
-    """One JSON array of objects."""
+    """One JSON array of objects, or one object that holds such a list or lists of numbers."""
     if path.stat().st_size > WHOLE:
         raise InputError(
             f"{path.name} is one JSON array of more than {WHOLE >> 20} MiB. Write an object into each line instead: "
@@ -100,11 +109,36 @@ def _of_array(path: Path) -> Spooled:
     return _spooled(path, _of_rows([_parsed(path.read_bytes(), path.name)], path.name))
 
 
+def _samples(value: Any, depth: int = 0) -> list[Any] | None:
+    """The samples in one object: its longest list of objects, or its lists of one length put side by side."""
+    if not isinstance(value, dict) or depth > 3:
+        return None
+    lists = [each for each in value.values() if isinstance(each, list) and each and isinstance(each[0], dict)]
+    if lists:
+        return max(lists, key=len)
+    columns = {".".join(place): each for place, each in _lists(value)}
+    longest = max((len(each) for each in columns.values()), default=0)
+    columns = {title: each for title, each in columns.items() if len(each) == longest}
+    if longest < FEWEST or not columns:
+        inner = (_samples(each, depth + 1) for each in value.values())
+        return next((found for found in inner if found), None)
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _lists(value: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    for key, each in value.items():
+        if isinstance(each, list):
+            yield (*place, key), each
+        elif isinstance(each, dict) and len(place) < 4:
+            yield from _lists(each, (*place, key))
+
+
 def _parsed(text: bytes, name: str) -> list[Any]:
     try:
         found = json.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{name} is not the JSON that it begins as: {error}. It is damaged or cut off.") from None
+    found = _samples(found) or found
     if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
         raise InputError(f"{name} holds JSON that is no list of objects; one object for each sample is expected.")
     return found
