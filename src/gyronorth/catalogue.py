@@ -223,6 +223,7 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("npy", "NumPy .npy", _FORMATS + "npy", (".npy",)),
     FormatInfo("hdf5", "HDF5", _FORMATS + "hdf5", (".h5", ".hdf5"), (".h5", ".hdf5"), extra="io", takes_variable=True),
     FormatInfo("parquet", "Parquet", _FORMATS + "parquet", (".parquet",), (".parquet",), extra="io"),
+    FormatInfo("feather", "Feather", _FORMATS + "tables", (".feather", ".arrow"), extra="io", takes_variable=True),
     FormatInfo(
         "rosbag1", "ROS 1 bag", _FORMATS + "rosbag", (".bag",), (".bag",), "io", takes_columns=False, takes_topic=True
     ),
