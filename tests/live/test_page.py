@@ -229,7 +229,17 @@ def guarded(tmp_path_factory) -> Iterator[tuple[Path, str, int]]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         nmea_port = free.getsockname()[1]
-    arguments = ("turned.csv", "--speed", "1", "--save", "north.csv", "--nmea-out", f"tcp:127.0.0.1:{nmea_port}")
+    arguments = (
+        "turned.csv",
+        "--method",
+        "mean",
+        "--speed",
+        "1",
+        "--save",
+        "north.csv",
+        "--nmea-out",
+        f"tcp:127.0.0.1:{nmea_port}",
+    )
     with live(folder, *arguments, "--host", "0.0.0.0", "--token", "a b&c" * 4) as (url, process):
         yield folder, url.replace("0.0.0.0", "127.0.0.1"), nmea_port
         assert process.poll() is None

@@ -87,7 +87,19 @@ def test_the_example_file_has_options_only():
 
 def test_programs_are_served_without_a_page(tmp_path):
     (tmp_path / "played.csv").write_text(HEAD + "".join(timed_rows(seconds(0, 60))))
-    command = [sys.executable, "-m", "gyronorth.cli", "live", "played.csv", "--no-page", "--api", "--port", "0"]
+    command = [
+        sys.executable,
+        "-m",
+        "gyronorth.cli",
+        "live",
+        "played.csv",
+        "--no-page",
+        "--method",
+        "mean",
+        "--api",
+        "--port",
+        "0",
+    ]
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
     process = subprocess.Popen(
         [*command, "--speed", "4"], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE

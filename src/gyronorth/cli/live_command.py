@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: Options of reading that a line of a stream needs.
 DECLARED = (
     "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns",
-    "protocol", "increments", "imu", "accel_range",
+    "protocol", "increments", "imu", "accel_range", "time_unit",
 )  # fmt: skip
 PAGE = "Page"
 #: The counters are told so often, s, at the level "debug".

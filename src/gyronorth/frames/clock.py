@@ -24,7 +24,7 @@ WATCHED, OTHER_RATE, ALIKE = 64, 0.1, 0.8
 
 
 def clock_steps(ticks: Index, tick: float, wrap: int | None) -> Array:
-    """Steps of a unit's clock between neighbours, s, shape (n - 1,); NaN where it was set anew."""
+    """Steps of a unit's clock between neighbours, s, shape (n - 1,); NaN where it was reset."""
     steps = np.diff(ticks)
     if wrap is not None:
         steps %= wrap

@@ -30,7 +30,7 @@ class Samples:
     sensor_fault: Mask  # (n,) the unit says that an output is not to be trusted
     temperature: Array | None  # (n,) degC
     start: Index  # (n,) byte at which the frame began in the stream
-    jumped: Mask  # (n,) before this sample the unit or its clock was set anew: how long it was is not known
+    jumped: Mask  # (n,) before this sample the unit or its clock was reset: how long it was is not known
 
     def __len__(self) -> int:
         return len(self.gyro)
@@ -99,8 +99,8 @@ class Report:
     lost_from: str  # how they are known: "counter", "clock" or "bytes"
     skipped: int  # bytes that belong to no whole frame
     clock_jumps: int  # times the unit's clock jumped
-    settings: int  # times the unit was found to be set anew: its layout, its rate
-    kinds: tuple[Kind, ...]  # what came, in order, where the unit was set anew to something else
+    settings: int  # times the unit was found to be reset: its layout, its rate
+    kinds: tuple[Kind, ...]  # what came, in order, where the unit was reset to something else
     saturated: int  # samples that the unit marks so
     sensor_fault: int
     findings: tuple[Finding, ...]  # assumptions and conflicts

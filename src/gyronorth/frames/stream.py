@@ -159,7 +159,7 @@ class FrameStream:
         return samples_joined(parts) if parts else None
 
     def _up_to_change(self, frames: Frames) -> tuple[Samples | None, Frames | None]:
-        """Samples up to where the unit was set anew, and the frames from there on, for which all is settled anew."""
+        """Samples up to where the unit was reset, and the frames from there on, for which all is settled again."""
         assert self._numbering is not None
         index = np.flatnonzero(self._ours(frames))
         fields = self._fields(frames, index) if len(index) else None
@@ -179,7 +179,7 @@ class FrameStream:
         return samples, after
 
     def _change(self, frames: Frames, index: Index, fields: Fields | None, shown: Index) -> int | None:
-        """The first frame of a unit set anew: another rate, by its configuration or its clock, or another layout."""
+        """The first frame after a reset: another rate, by the configuration or the clock, or another layout."""
         assert self._numbering is not None
         facts, self._told = np.flatnonzero(frames.layout < -1)[self._told :], 0
         for place in facts.tolist():
