@@ -171,6 +171,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "rate_conflict", "warning", "two rates", "Clock, configuration, declaration or table tell other rates."
     ),
+    FindingInfo("rate_assumed", "warning", "rate assumed", "The frames do not say at which rate they come."),
     FindingInfo("units_assumed", "warning", "units assumed", "The frames do not say in which units they are."),
     FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
     FindingInfo("force_left_out", "warning", "force left out", "Specific force comes less often than the rate."),

@@ -179,3 +179,18 @@ def test_a_unit_set_to_another_rate_begins_a_new_stretch_whose_file_replays(monk
     replayed = gn.read(tmp_path / "rec.2.bin", options)
     assert len(replayed.gyro_b) == len(recorded.gyro_b) > 2000
     assert replayed.gyro_b == pytest.approx(recorded.gyro_b, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["stim", "sbg-short"])
+def test_a_wrong_rate_is_told_and_not_taken(name, monkeypatch, tmp_path):
+    """A configuration and a clock know better than a declaration, in a file and on the cable."""
+    case, options = unit(name, monkeypatch)
+    data = case.preamble + b"".join(case.frames)
+    (tmp_path / "unit.bin").write_bytes(data)
+    wrong = replace(options, rate_hz=case.rate_hz / 2)
+    read = gn.read(tmp_path / "unit.bin", wrong)
+    status = session_of(*pieces(data), reading=wrong).status
+    assert status.measured is not None
+    assert (read.rate_hz, status.rate_hz) == (case.rate_hz, case.rate_hz)
+    for warnings in (read.notes, status.measured.warnings):
+        assert "rate_conflict" in {warning.code for warning in warnings}
