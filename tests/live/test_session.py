@@ -450,7 +450,7 @@ def test_json_lines_hold_the_estimate_and_the_counters(tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long  # in one process and without a benchmark: test_lost_rows_and_garbage_are_counted_...
 def test_a_bad_line_costs_no_good_row():
     """The benchmark's stream, shortened: 1 % lost, 1 % garbage, three connections that break."""
     command = [sys.executable, "-m", "benchmarks.live_soak", "--minutes", "0.5", "--speed", "20"]
