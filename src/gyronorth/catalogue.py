@@ -187,6 +187,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "profile_bounds", "warning", "profile of bounds", "The profile holds upper bounds in place of figures."
     ),
+    FindingInfo("coarse", "warning", "coarse output", "The rate is rounded to steps above its noise."),
     FindingInfo("frozen", "warning", "output does not change", "The gyro's output does not change for a while."),
     FindingInfo("simulated_noise", "warning", "simulated noise", "The biases are real, the noise is simulated."),
     FindingInfo("log_time_used", "warning", "recorder's time used", "The messages carry no time of their own."),
