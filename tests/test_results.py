@@ -52,7 +52,7 @@ def study(folder, **changes):
         "commit": "0123456789abcdef",
         "command": "gyronorth benchmark paper --study t_back -o FOLDER",
         "plan": {"seed": 3},
-        "recordings": "published twin",
+        "recordings": "published reconstruction",
         "text": "What was done.",
         "tables": [{"title": "mixed: 100 s", "columns": ["method", "ratio", "inside"], "rows": [row], "note": "n"}],
         "curves": {

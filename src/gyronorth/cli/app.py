@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from gyronorth.cli import progress
+from gyronorth.cli.conversion import convert_directly
 from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
 from gyronorth.cli.tasks import ABOUT, MODULES
 
@@ -45,7 +46,7 @@ class Commands(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The options of the program itself."""
-        return _without_types(super().get_params(ctx))
+        return _prepared(super().get_params(ctx))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of a name, loaded; for a name that there is not, all are, to offer what is near."""
@@ -53,7 +54,7 @@ class Commands(TyperGroup):
             self._load([module for module, names in MODULES.items() if cmd_name in names] or list(MODULES))
         command: Any = super().get_command(ctx, cmd_name)
         if command is not None:
-            _without_types(command.get_params(ctx))
+            _prepared(command.get_params(ctx))
             command.rich_markup_mode = None if narrow() else self.rich_markup_mode
         return command
 
@@ -118,9 +119,10 @@ def narrow() -> bool:
     return shutil.get_terminal_size().columns < NARROW
 
 
-def _without_types(parameters: list[Any]) -> list[Any]:
-    """The parameters, without the types that some versions of typer write behind switches and arguments in the help."""
+def _prepared(parameters: list[Any]) -> list[Any]:
+    """The parameters, converted directly and without the types that some versions of typer write in the help."""
     for parameter in parameters:
+        convert_directly(parameter)
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""
         elif parameter.param_type_name == "argument":

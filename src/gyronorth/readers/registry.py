@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
-from importlib.metadata import entry_points
 from itertools import islice
 from pathlib import Path
 
@@ -17,11 +16,11 @@ from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.archive import MAGIC as ZIP
 from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, split_path, unzipped
+from gyronorth.readers.bag_folder import METADATA, is_bag_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
 from gyronorth.readers.format import LOOK, Format
-from gyronorth.readers.formats.npy import pickled
-from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.joining import joined
+from gyronorth.readers.library import pickled
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.records import rewriter_of
@@ -47,6 +46,8 @@ class _Formats(Mapping[str, Format]):
 
     def __getitem__(self, name: str) -> Format:
         if name not in self._rows:
+            from importlib.metadata import entry_points  # slow to load
+
             for entry in entry_points(group=ENTRY_POINTS, name=name):
                 self.add(entry.load())
         if name not in self._loaded:

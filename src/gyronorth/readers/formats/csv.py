@@ -40,7 +40,7 @@ from gyronorth.readers.titles import Title, take_apart
 LIVE_FORMAT = "gyronorth.live/1"
 #: How a line begins that marks a moment in a live recording.
 MARK = b"# mark: "
-COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
+COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*+(.*)$")
 #: How lines begin that are no rows.
 COMMENT_BEGINS = (b"#", b"%", b"//")
 _PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
@@ -50,6 +50,11 @@ _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="fr
 
 def open_csv(path: Path, options: ReadOptions) -> Source:
     """Open a text file with columns."""
+    return open_layout(path, options)[0]
+
+
+def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, Layout]:
+    """A text file with columns, how it is laid out, and how its rows are read."""
     layout = sniff(path)
     facts, ours = stated_facts(layout.comments, path.name)
     live = layout.comments.get(SIGNATURE[0], ("", 0))[0] == LIVE_FORMAT
@@ -118,7 +123,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
         read_as="" if ours or live or heading is not None else read_as + words,
     )
-    return source if preset is None else _of_two_kinds(source, preset, layout, path, rows)
+    return (source if preset is None else _of_two_kinds(source, preset, layout, path, rows)), layout, rows
 
 
 def _reject_two_kinds(layout: TextLayout, name: str) -> None:
