@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +17,13 @@ from gyronorth.alignment.registry import Options
 from gyronorth.arrays import Array
 from gyronorth.catalogue import REASONS
 from gyronorth.conditioning import decimated
-from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, read_sensor
+
+if TYPE_CHECKING:
+    from gyronorth.deviation import DeviationModel
 
 #: Methods that `heading` offers.
 METHODS = tuple(registry.METHODS)

@@ -57,7 +57,7 @@ def test_forward_minimum_is_the_least_of_the_next_rows(values, width):
     stall=st.booleans(),
     batch=st.sampled_from([None, 7, 100, 1013]),
 )
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 def test_what_was_lost_is_found_among_late_and_jittering_stamps(seed, share, jitter, stall, batch):
     rng = np.random.default_rng(seed)
     every = np.arange(6000)

@@ -62,3 +62,11 @@ def check_whole(path: Path, magic: bytes, *, what: str, cut_off: str) -> None:
         raise InputError(f"{path.name} is no {what} file: it does not begin as one.")
     if tail != magic or path.stat().st_size < 2 * len(magic):
         raise InputError(f"{path.name} is cut off: {cut_off}")
+
+
+def pickled(name: str) -> str:
+    """What there is to say of pickled objects."""
+    return (
+        f"{name} holds pickled Python objects, which may run any program when they are loaded; they are never loaded "
+        "here. Save the numbers alone, in Python: numpy.savez('out.npz', t=t, gyro=gyro, accel=accel)."
+    )

@@ -15,21 +15,26 @@ from typing import Any
 
 from gyronorth.errors import InputError
 from gyronorth.readers.sentences import rewriting_of
-from gyronorth.readers.spool import MOST, Spooled
+from gyronorth.readers.spool import Spooled, most_of
 
-#: Bytes of whole lines that are written anew at a time, and most bytes of a file that is one JSON array.
-PIECE, WHOLE = 1 << 20, 1 << 28
+#: Bytes of whole lines, or characters of an array, that are written anew at a time.
+PIECE = 1 << 20
+#: Bytes of the largest JSON object that is parsed as a whole.
+LARGEST_OBJECT = 1 << 26
+#: Most names in JSON objects, and most cells of the table that a piece becomes: names that nearly no object has.
+MOST_NAMES, MOST_CELLS = 400, 1 << 22
 #: Lines that are looked at, fewest numbers in one, and bytes of the longest.
 LOOKED_AT, FEWEST, LONGEST = 20, 3, 4096
 #: Objects whose names make the titles, and the largest share of lines with other names than the first one.
 COMPARED, MOST_OTHERS = 200, 0.1
-_NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = rb"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"  # a digit can be taken in one way only
 _LABEL = rb"(?<![\w.])\"?([A-Za-z_][\w.]*(?:\[\w*\])?)\"?[ \t]*[:=][ \t]*"
 _BETWEEN = rb"[ \t,;|]+"
 _LABELLED = re.compile(
     rb"[ \t{]*(?:%b%b(?:%b%b)*[ \t,;|}]*)+" % (_LABEL.replace(b"([A", b"(?:[A"), _NUMBER, _BETWEEN, _NUMBER)
 )
 _BRACKETED = re.compile(rb"[ \t]*[\[(][-+\d][^\[\](){}]*[\])],?[ \t]*")
+_BLANKS, _SEPARATOR = re.compile(r"\s*+"), re.compile(r"\s*+([,\]])")
 #: Kinds of GnssLogger's rows, the one that is taken where there are several coming first, and their names in the table.
 _GYROS, _ACCELS = (b"UncalGyro", b"Gyro"), (b"UncalAccel", b"Accel")
 
@@ -39,8 +44,10 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     body = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if b"\0" in body[:1024]:
         return None
-    if re.match(rb"\[\s*\{", body) or _is_one_object(body):
+    if re.match(rb"\[\s*\{", body):  # all of it may be one line
         return _of_array
+    if _is_one_object(body):
+        return _of_object
     lines = [line.strip() for line in body.split(b"\n")[: LOOKED_AT + 1]][:-1] or [body]
     lines = [line for line in lines if line]
     if not lines or max(map(len, lines)) > LONGEST:
@@ -68,8 +75,13 @@ def _is_one_object(body: bytes) -> bool:
 def _spooled(path: Path, pieces: Iterable[bytes]) -> Spooled:
     """The pieces in a file."""
     spooled = Spooled(path.name)
-    source = iter(pieces)
-    spooled.fill(lambda _: next(source, b""), most=MOST, too_large=f"{path.name} is too large.")
+    source = (piece for piece in pieces if piece)  # an empty one is no end
+    most = most_of(path.stat().st_size)
+    spooled.fill(
+        lambda _: next(source, b""),
+        most=most,
+        too_large=f"{path.name} is more than {most >> 20} MiB as a table, which no recording of its size is.",
+    )
     return spooled
 
 
@@ -100,13 +112,61 @@ def _of_objects(path: Path) -> Spooled:
 
 
 def _of_array(path: Path) -> Spooled:
-    """One JSON array of objects, or one object that holds such a list or lists of numbers."""
-    if path.stat().st_size > WHOLE:
+    """One JSON array of objects."""
+    return _spooled(path, _of_rows(_parts(path), path.name))
+
+
+def _parts(path: Path) -> Iterator[list[Any]]:
+    """The objects of one JSON array, those of a piece at a time."""
+    decode = json.JSONDecoder().raw_decode
+    with path.open(encoding="utf-8-sig") as file:
+        try:
+            text = file.read(PIECE)
+            at, objects = text.index("[") + 1, []
+            while True:
+                try:
+                    found, end = decode(text, _end(_BLANKS, text, at))
+                    at = _end(_SEPARATOR, text, end)
+                except (ValueError, RecursionError):
+                    more = file.read(PIECE) if len(text) - at <= PIECE else ""
+                    if not more:
+                        raise
+                    yield objects
+                    text, at, objects = text[at:] + more, 0, []
+                    continue
+                objects.append(found)
+                if text[at - 1] == "]":
+                    break
+        except (ValueError, RecursionError) as error:
+            raise InputError(_no_json(path.name, error)) from None
+    yield objects
+
+
+def _end(pattern: re.Pattern[str], text: str, at: int) -> int:
+    match = pattern.match(text, at)
+    if match is None:
+        raise ValueError("Expecting ',' or ']' behind an object")
+    return match.end()
+
+
+def _no_json(name: str, error: Exception) -> str:
+    return f"{name} is not the JSON that it begins as: {error}. It is damaged or cut off."
+
+
+def _of_object(path: Path) -> Spooled:
+    """One JSON object that holds a list of objects, or lists of numbers of one length."""
+    if path.stat().st_size > LARGEST_OBJECT:
         raise InputError(
-            f"{path.name} is one JSON array of more than {WHOLE >> 20} MiB. Write an object into each line instead: "
-            f"jq -c '.[]' {path.name} > rows.jsonl"
+            f"{path.name} is one JSON object of more than {LARGEST_OBJECT >> 20} MiB. Write one for each sample, a "
+            "line each, instead."
         )
-    return _spooled(path, _of_rows([_parsed(path.read_bytes(), path.name)], path.name))
+    try:
+        found = _samples(json.loads(path.read_bytes().decode("utf-8-sig")))
+    except (ValueError, RecursionError) as error:
+        raise InputError(_no_json(path.name, error)) from None
+    if not found or not all(isinstance(each, dict) for each in found):
+        raise InputError(f"{path.name} holds one JSON object without a list of samples; one for each is expected.")
+    return _spooled(path, _of_rows([found], path.name))
 
 
 def _samples(value: Any, depth: int = 0) -> list[Any] | None:
@@ -135,12 +195,9 @@ def _lists(value: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str,
 
 def _parsed(text: bytes, name: str) -> list[Any]:
     try:
-        found = json.loads(text.decode("utf-8-sig"))
+        found: list[Any] = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{name} is not the JSON that it begins as: {error}. It is damaged or cut off.") from None
-    found = _samples(found) or found
-    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
-        raise InputError(f"{name} holds JSON that is no list of objects; one object for each sample is expected.")
+        raise InputError(_no_json(name, error)) from None
     return found
 
 
@@ -148,6 +205,8 @@ def _of_rows(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
     """A table of objects, whose titles are the names in the first ones."""
     places: dict[str, tuple[str | int, ...]] = {}
     for objects in parts:
+        if not all(isinstance(each, dict) for each in objects):
+            raise InputError(f"{name} holds JSON that is no list of objects; one object for each sample is expected.")
         if objects and not places:
             for each in objects[:COMPARED]:
                 places |= dict(_leaves(each))
@@ -156,6 +215,11 @@ def _of_rows(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
                     f"{name} holds JSON objects of {', '.join(places) or 'no numbers'}; three rates are expected."
                 )
             yield (",".join(f'"{title}"' for title in places) + "\n").encode()
+        if len(places) > MOST_NAMES or len(places) * len(objects) > MOST_CELLS:
+            raise InputError(
+                f"{name} holds JSON objects of {len(places)} names, {len(objects)} objects in {PIECE >> 20} MiB; "
+                f"objects with the same names, at most {MOST_NAMES}, are expected, one for each sample."
+            )
         columns = [[_cell(each, place) for each in objects] for place in places.values()]
         yield "".join(",".join(row) + "\n" for row in zip(*columns, strict=True)).encode()
 
@@ -178,10 +242,10 @@ def _leaves(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str
 def _cell(value: Any, place: tuple[str | int, ...]) -> str:
     """One value of an object as it stands in a table; "" where it has none."""
     for key in place:
-        try:
-            value = value[key]
-        except (KeyError, IndexError, TypeError):
-            return ""
+        if isinstance(value, dict):
+            value = value.get(key)
+        else:
+            value = value[key] if isinstance(value, list) and isinstance(key, int) and key < len(value) else None
     if isinstance(value, bool) or value is None or isinstance(value, dict | list):
         return ""
     return '"' + re.sub(r'["\r\n]', " ", value) + '"' if isinstance(value, str) else repr(value)

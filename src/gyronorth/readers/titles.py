@@ -81,6 +81,8 @@ _BODY_RATES |= {"p": 0, "q": 1, "r": 2}
 #: Body axes in words, of a title that has no x, y or z. Which way each points, the title need not say.
 _DIRECTIONS = {"forward": 0, "front": 0, "fwd": 0, "longitudinal": 0, "long": 0, "right": 1, "left": 1, "lateral": 1,
                "lat": 1, "transverse": 1, "down": 2, "up": 2, "vertical": 2, "vert": 2}  # fmt: skip
+#: Characters of a title that are looked at: the patterns take the square of them.
+LONGEST = 200
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]")
 _GLUED = re.compile(r"(.*[a-z])([xyz])")
@@ -126,6 +128,7 @@ def take_apart(title: str, unit: str = "") -> Title:
     >>> take_apart("a_RS_S_y [m s^-2]").kind, take_apart("time_us").unit
     ('accel', 'us')
     """
+    title = title[:LONGEST]
     name, candidates = title, [unit] if unit else []
     for match in _BRACKETS.finditer(title):
         if not match[1].strip().isdigit() and match[1].strip().lower() not in _AXES:

@@ -1,4 +1,4 @@
-"""Which recordings the studies are run on: the published twin, or the public recordings that a user brings."""
+"""Recordings that the studies are run on: the published reconstruction, or public recordings that a user brings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RATE = 3.0
 
 
 def recordings_of(seed: int, data: dict | None = None) -> Twin:
-    """The twin of a seed; with `data`, of `described`, the public recordings in that folder."""
+    """The reconstruction of a seed; with `data`, of `described`, the public recordings in that folder."""
     if data is None:
         return published_twin(rate_hz=RATE, rng=np.random.default_rng(seed))
     found = public_recordings(data["folder"])
@@ -43,7 +43,7 @@ def described(folder: str) -> dict:
 def about(data: str | None) -> str:
     """Sentences of what the recordings of a study are: the beginning of its text."""
     if data is None:
-        return "On the published twin: its biases are real (the printed mean rates), its noise is simulated."
+        return "On the published reconstruction: its biases are real (the printed mean rates), its noise is simulated."
     found = described(data)
     count = sum(found["sessions"].values())
     sessions = ", ".join(f"{name} ({number})" for name, number in found["sessions"].items())

@@ -52,8 +52,14 @@ class PosteriorMethod:
         from Earth rate that it holds no heading.
         """
         samples, size = problem.gyro_b.shape[-2], np.linalg.norm(problem.mean.rate_l)
-        if samples < COUNT or problem.motion.white < NOISELESS or not size < HOPELESS:
-            return replace(METHODS["mean"].solve(problem, Options()), why="one pose, with nothing to weigh")
+        unfit = {
+            f"fewer than {COUNT} samples": samples < COUNT,
+            "no noise": problem.motion.white < NOISELESS,
+            "rate far from Earth rate": not size < HOPELESS,
+        }
+        if any(unfit.values()):
+            reason = next(text for text, holds in unfit.items() if holds)
+            return replace(METHODS["mean"].solve(problem, Options()), why=f"one pose, {reason}")
         accel_b = None if problem.accel_b is None else problem.accel_b[None]
         found = posterior(
             problem.gyro_b[None],
@@ -131,6 +137,8 @@ def _why(found: Inferred, *, known: bool) -> str:
     told = [
         f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= least.get(name, TOLD)
     ]
+    if found.tones >= TOLD and found.probability["sway"] < TOLD:
+        told.append("sway at a steady frequency")
     if known and max(found.scale, found.drift_scale) >= TOLD_SCALE:
         told.append(f"the unit behaves as {max(found.scale, found.drift_scale):.1f} times its profile")
     return "one pose, " + (", ".join(told) if told else "undisturbed")

@@ -40,7 +40,7 @@ from gyronorth.readers.titles import Title, take_apart
 LIVE_FORMAT = "gyronorth.live/1"
 #: How a line begins that marks a moment in a live recording.
 MARK = b"# mark: "
-COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
+COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*+(.*)$")
 #: How lines begin that are no rows.
 COMMENT_BEGINS = (b"#", b"%", b"//")
 #: Rows of several sensors: most of these, share of rows at which they turn, fewest rows of each, and how many times the
