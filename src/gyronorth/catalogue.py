@@ -171,6 +171,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "rate_conflict", "warning", "two rates", "Clock, configuration, declaration or table tell other rates."
     ),
+    FindingInfo("rate_assumed", "warning", "rate assumed", "The frames do not say at which rate they come."),
     FindingInfo("units_assumed", "warning", "units assumed", "The frames do not say in which units they are."),
     FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
     FindingInfo("force_left_out", "warning", "force left out", "Specific force comes less often than the rate."),
@@ -186,6 +187,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "profile_bounds", "warning", "profile of bounds", "The profile holds upper bounds in place of figures."
     ),
+    FindingInfo("coarse", "warning", "coarse output", "The rate is rounded to steps above its noise."),
     FindingInfo("frozen", "warning", "output does not change", "The gyro's output does not change for a while."),
     FindingInfo("simulated_noise", "warning", "simulated noise", "The biases are real, the noise is simulated."),
     FindingInfo("log_time_used", "warning", "recorder's time used", "The messages carry no time of their own."),

@@ -17,10 +17,8 @@ from gyronorth.errors import InputError
 from gyronorth.readers.sentences import rewriting_of
 from gyronorth.readers.spool import Spooled, most_of
 
-#: Bytes of whole lines, or characters of an array, that are written anew at a time.
-PIECE = 1 << 20
-#: Bytes of the largest JSON object that is parsed as a whole.
-LARGEST_OBJECT = 1 << 26
+#: Bytes of whole lines, or characters of an array, that are written anew at a time, and most bytes of one object.
+PIECE, WHOLE = 1 << 20, 1 << 25
 #: Most names in JSON objects, and most cells of the table that a piece becomes: names that nearly no object has.
 MOST_NAMES, MOST_CELLS = 400, 1 << 22
 #: Lines that are looked at, fewest numbers in one, and bytes of the longest.
@@ -47,7 +45,7 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     if re.match(rb"\[\s*\{", body):  # all of it may be one line
         return _of_array
     if _is_one_object(body):
-        return _of_object
+        return _of_one_object
     lines = [line.strip() for line in body.split(b"\n")[: LOOKED_AT + 1]][:-1] or [body]
     lines = [line for line in lines if line]
     if not lines or max(map(len, lines)) > LONGEST:
@@ -153,20 +151,27 @@ def _no_json(name: str, error: Exception) -> str:
     return f"{name} is not the JSON that it begins as: {error}. It is damaged or cut off."
 
 
-def _of_object(path: Path) -> Spooled:
-    """One JSON object that holds a list of objects, or lists of numbers of one length."""
-    if path.stat().st_size > LARGEST_OBJECT:
+def _of_one_object(path: Path) -> Spooled:
+    """One JSON object that holds a list of objects, or lists of numbers."""
+    if path.stat().st_size > WHOLE:
         raise InputError(
-            f"{path.name} is one JSON object of more than {LARGEST_OBJECT >> 20} MiB. Write one for each sample, a "
-            "line each, instead."
+            f"{path.name} is one JSON object of more than {WHOLE >> 20} MiB. Write an object for each sample into a "
+            "line of its own instead, or a list of them."
         )
+    samples = _one_object(path)
+    parts = (samples[first : first + LONGEST] for first in range(0, len(samples), LONGEST))
+    return _spooled(path, _of_rows(parts, path.name))
+
+
+def _one_object(path: Path) -> list[Any]:
     try:
-        found = _samples(json.loads(path.read_bytes().decode("utf-8-sig")))
+        whole = json.loads(path.read_bytes().decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(_no_json(path.name, error)) from None
-    if not found or not all(isinstance(each, dict) for each in found):
-        raise InputError(f"{path.name} holds one JSON object without a list of samples; one for each is expected.")
-    return _spooled(path, _of_rows([found], path.name))
+    samples = _samples(whole)
+    if samples is None or not all(isinstance(each, dict) for each in samples):
+        raise InputError(f"{path.name} holds JSON that is no list of objects; one object for each sample is expected.")
+    return samples
 
 
 def _samples(value: Any, depth: int = 0) -> list[Any] | None:
