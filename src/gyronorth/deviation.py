@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.angles import angle_error, wrap_heading
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
-from gyronorth.files import write_text
+from gyronorth.files import read_bounded, write_text
 
 #: Session of a model that its user applies to any recording of the unit.
 ANY_SESSION = "*"
@@ -155,12 +155,10 @@ def read_deviation(path: str | Path) -> DeviationModel:
     InputError
         If the file is not such a deviation.
     """
+    from gyronorth.deviation_document import LARGEST  # as below
+
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
-    return deviation_of(content, where=str(path))
+    return deviation_of(read_bounded(path, LARGEST), where=str(path))
 
 
 def deviation_of(content: bytes, *, where: str) -> DeviationModel:

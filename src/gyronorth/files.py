@@ -64,7 +64,7 @@ def written_beside(path: str | os.PathLike[str], *, durable: bool = False) -> Ge
                 os.close(os.open(beside, _NEW_FILE, 0o666 if mode is None else mode & 0o666 | 0o600))
                 yield beside
                 _finish_file(beside, mode, durable=durable)
-                beside.replace(path.resolve())
+                beside.replace(os.path.realpath(path))
             finally:
                 beside.unlink(missing_ok=True)
         if durable:
@@ -84,7 +84,7 @@ def folder_beside(folder: str | os.PathLike[str]) -> Generator[Path]:
         If the folder cannot be made, filled or renamed, or if `folder` is a file.
     """
     folder = Path(folder)
-    target, beside = folder.resolve(), _beside(folder)
+    target, beside = Path(os.path.realpath(folder)), _beside(folder)
     old = beside.with_suffix(".old")
     with _errors_told(folder, beside), _until_sigterm(), no_empty_folder(target.parent):
         try:
@@ -122,6 +122,24 @@ def write_text(path: str | os.PathLike[str], text: str, *, errors: str = "strict
         beside.write_text(text, encoding="utf-8", errors=errors, newline="\n")
 
 
+def read_bounded(path: Path, most: int) -> bytes:
+    """The bytes of a small file, which may be a device that never ends.
+
+    Raises
+    ------
+    InputError
+        If there are more than `most`, or it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(most + 1)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+    if len(content) > most:
+        raise InputError(f"{path} has more than {most} bytes, more than any such file needs: it is another one.")
+    return content
+
+
 @contextmanager
 def no_empty_folder(folder: Path) -> Generator[None]:
     """If the block fails and `folder` was made within it and is still empty, it goes, with its parents made for it."""
@@ -141,7 +159,7 @@ _NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 
 def _beside(path: Path) -> Path:
     """A name in the folder where `path` really is: hidden, not to be guessed, of a length that every disk takes."""
-    real = path.resolve()
+    real = Path(os.path.realpath(path))  # of links in a circle: the first
     return real.with_name(f".{real.name[:40]}.{os.urandom(8).hex()}.part")
 
 
@@ -179,7 +197,7 @@ def _errors_told(path: Path, beside: Path) -> Generator[None]:
     except OSError as error:
         if isinstance(error.filename, str | bytes):  # none where a write failed
             file = Path(os.fsdecode(error.filename))
-            if not file.is_relative_to(beside) and file.resolve() != path.resolve():
+            if not file.is_relative_to(beside) and os.path.realpath(file) != os.path.realpath(path):
                 raise
         cure = _CURES.get(error.errno or 0, "").format(parent=path.parent)
         message = f"{path} cannot be written: {error.strerror or error}."

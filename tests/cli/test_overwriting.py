@@ -1,6 +1,7 @@
 """What stands there stays, unless it is told to go; names and texts from outside cannot steer a terminal or a sheet."""
 
 import csv
+import os
 import shutil
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from cli.test_cli import run
 from still import still
 
 from gyronorth import write, write_sensor
+from gyronorth.readers import recordings_in
 from gyronorth.recording import Recording
 from gyronorth.sensor import read_sensor
 
@@ -140,3 +142,45 @@ def test_a_fault_in_one_file_is_its_row(rec, tmp_path, monkeypatch):
     assert result.exit_code == 2
     assert "a fault of gyronorth, please report it: IndexError: deep inside" in result.stdout
     assert len([line for line in result.stdout.splitlines() if line.startswith(("a.csv", "b.csv"))]) == 2
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["heading", "loop.csv", "--latitude", "32"],
+        ["heading", "{rec}", "--csv", "nowhere/out.csv"],
+        ["heading", "{rec}", "--csv", "/dev/full"],
+        ["heading", "{rec}", "--preset", "deep.json"],
+        ["heading", "{rec}", "--preset", "/dev/zero"],
+        ["heading", "{rec}", "--deviation", "/dev/zero"],
+        ["heading", "{rec}", "--boresight", "1e300,0,0"],
+        ["heading", "/dev/zero", "--latitude", "32"],
+        ["allan", "tiny.csv"],
+        ["heading", "slow.csv", "--latitude", "32"],
+        ["live", "-", "--config", "/dev/zero"],
+        ["live", "-", "--config", "loop.csv"],
+    ],
+    ids=lambda command: " ".join(command),
+)
+def test_places_and_numbers_of_ill_will_end_in_one_message(rec, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    Path("loop.csv").symlink_to("loop.csv")
+    Path("deep.json").write_text("[" * 100_000)
+    gyro, accel = still(200)
+    write(Recording(gyro * 1e-310, accel, 10.0), "tiny.csv")
+    rows = np.column_stack([np.arange(200) * 1e-321, gyro, accel])
+    np.savetxt("slow.csv", rows, delimiter=",", header="t,w_x,w_y,w_z,f_x,f_y,f_z", comments="", fmt="%.17g")
+    result = run(*[word.format(rec=rec) for word in command])
+    assert (result.exit_code, "Traceback" in result.output) == (2, False)
+
+
+def test_a_folder_of_links_to_what_never_ends_comes_to_an_end(rec, tmp_path):
+    (tmp_path / "a.csv").symlink_to(rec)
+    for name, target in (("loop.csv", "loop.csv"), ("gone.csv", "nowhere"), ("zero.csv", "/dev/zero")):
+        (tmp_path / name).symlink_to(target)
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "piped.csv").symlink_to("pipe.csv")
+    assert [path.name for path in recordings_in(tmp_path)] == ["a.csv", "gone.csv", "loop.csv"]
+    assert run("heading", tmp_path, "--csv", tmp_path / "out.csv").exit_code == 2
+    rows = csv.DictReader((tmp_path / "out.csv").read_text().splitlines())
+    assert [row["file"] for row in rows] == ["a.csv", "gone.csv", "loop.csv"]

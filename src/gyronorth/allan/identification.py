@@ -142,7 +142,7 @@ def fitted_multiples(n: int, rate_hz: float) -> Array:
 
 def check_varies(spread: Array, value: Array) -> None:
     """InputError if an axis, of the given range and with such a value, does not vary; both of shape (axes,)."""
-    if not spread.all():
+    if not (spread**2 > 0).all():  # nor may a variance be 0
         raise InputError(
             f"The record does not vary: every sample is {value[np.argmin(spread)]:g}. A stuck channel, or rounding far "
             "above the noise, is the likely cause; give the raw output."

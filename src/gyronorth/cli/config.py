@@ -8,6 +8,12 @@ from typing import Any
 
 import typer
 
+from gyronorth.errors import InputError
+from gyronorth.files import read_bounded
+
+#: Bytes of a file of options.
+LARGEST = 1_000_000
+
 
 def take_config(context: typer.Context, path: Path | None) -> Path | None:
     """Make the values of a file the defaults of the command; the callback of an eager option.
@@ -20,10 +26,10 @@ def take_config(context: typer.Context, path: Path | None) -> Path | None:
     if path is None:
         return None
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise typer.BadParameter(f"{path}: {error.strerror or error}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        values = tomllib.loads(read_bounded(path, LARGEST).decode("utf-8"))
+    except InputError as error:
+        raise typer.BadParameter(str(error)) from None
+    except (RecursionError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise typer.BadParameter(f"{path} is no TOML: {error}.") from None
     names = _names(context)
     unknown = [key for key in values if key.replace("_", "-") not in names]

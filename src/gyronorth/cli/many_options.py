@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -121,6 +122,6 @@ def check_not_read(table: Path, items: Sequence[Item]) -> None:
     """Refuse a table in the place of a recording that is read."""
     from gyronorth.errors import InputError
 
-    place = table.resolve()
-    if any(Path(item.address).resolve() == place for item in items if Path(item.address).name == table.name):
+    place = os.path.realpath(table)
+    if any(os.path.realpath(item.address) == place for item in items if Path(item.address).name == table.name):
         raise InputError(f"{table} is one of the recordings that are read; choose another name.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ def check_outputs(
     """
     from gyronorth.errors import InputError
 
-    taken = {} if source is None else {source.resolve(): "the recording that is read"}
+    taken = {} if source is None else {os.path.realpath(source): "the recording that is read"}
     for option, (path, suffixes) in outputs.items():
         if path is None:
             continue
@@ -47,11 +48,12 @@ def check_outputs(
             raise InputError(f"{option} {path} is a folder; give the name of a file in it.")
         if not path.parent.is_dir():
             raise InputError(f"{option} {path}: the folder {path.parent} does not exist; make it first.")
-        if path.resolve() in taken:
-            raise InputError(f"{option} {path} is {taken[path.resolve()]}; choose another name.")
+        real = os.path.realpath(path)  # which takes links in a circle
+        if real in taken:
+            raise InputError(f"{option} {path} is {taken[real]}; choose another name.")
         if option in kept and path.is_file():
             raise InputError(f"{option} {path} exists. Give another name, or --force to overwrite it.")
-        taken[path.resolve()] = f"also what {option} writes"
+        taken[real] = f"also what {option} writes"
 
 
 def written(path: Path) -> None:

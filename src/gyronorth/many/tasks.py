@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
@@ -144,11 +145,11 @@ class ConvertTask(_Task):
         InputError
             Naming the first of them.
         """
-        taken = {Path(item.address).resolve(): item.name for item in items if not is_url(item.address)}
+        taken = {os.path.realpath(item.address): item.name for item in items if not is_url(item.address)}
         for item in items:
             target = self.target(item.name)
-            other = taken.setdefault(target.resolve(), item.name)
-            if other != item.name or (not is_url(item.address) and target.resolve() == Path(item.address).resolve()):
+            other = taken.setdefault(place := os.path.realpath(target), item.name)
+            if other != item.name or (not is_url(item.address) and place == os.path.realpath(item.address)):
                 raise InputError(f"{item.name} would be written to {target}, and so is {other}. Choose another -o.")
             if target.is_file() and not self.force:
                 raise InputError(f"{target} exists. Give another -o, or --force to overwrite such files.")

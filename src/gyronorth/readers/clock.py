@@ -168,7 +168,7 @@ def forward_minimum(values: NDArray[np.float64], width: int) -> NDArray[np.float
 
 def width_of(seconds: float) -> int:
     """Rows over which the envelope is taken at a sample interval in s."""
-    return max(FEWEST_ROWS, round(LONGEST_LATE / seconds))
+    return max(FEWEST_ROWS, round(LONGEST_LATE / max(seconds, 1e-7)))  # of a clock that is none: finite
 
 
 def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:

@@ -102,8 +102,10 @@ class ReadOptions:
             )
         if self.latitude is not None and not abs(self.latitude) <= np.pi / 2:
             raise InputError(f"The latitude is {np.degrees(self.latitude):g} deg; -90 to 90 deg is expected.")
-        if len(self.boresight) != 3 or not np.isfinite(self.boresight).all():
-            raise InputError(f"The boresight is {self.boresight}; three finite angles roll, pitch, yaw are expected.")
+        if len(self.boresight) != 3 or not all(abs(angle) <= 2 * np.pi for angle in self.boresight):
+            raise InputError(
+                f"The boresight is {self.boresight} rad; three angles roll, pitch, yaw of a turn at most are expected."
+            )
         if self.window is not None and not 0 <= self.window[0] < self.window[1] < np.inf:
             raise InputError(
                 f"The window is {self.window[0]:g}:{self.window[1]:g} s; START:END with 0 <= START < END is expected."

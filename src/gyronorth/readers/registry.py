@@ -266,7 +266,8 @@ def recordings_in(folder: str | Path) -> list[Path]:
             folders.remove(name)
             found.append(Path(place, name))
         for path in (Path(place, name) for name in names if not name.startswith(".")):
-            known = inner_suffix(path) in FORMATS.suffixes and (path.is_file() or path.is_symlink())
+            # A link whose file is gone tells so; what is there and no file, as a pipe or a device, may never end.
+            known = inner_suffix(path) in FORMATS.suffixes and (path.is_file() or not path.exists())
             if known or (path.suffix.lower() == ".txt" and path.is_file() and _head(path).startswith(b"//")):
                 found.append(path)
     if not found:

@@ -117,6 +117,11 @@ def piped(path: Path) -> Spooled:
         If it is empty or does not end, or if nothing is piped into standard input.
     """
     if str(path) != STANDARD_INPUT:
+        if path.is_char_device():
+            raise InputError(
+                f"{path} is a device; a file, a pipe or - for standard input is expected. For a unit on a serial port: "
+                f"gyronorth live serial:{path}."
+            )
         with path.open("rb") as stream:
             return _drained(stream, path.name)
     if sys.stdin.isatty():

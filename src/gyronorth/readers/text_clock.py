@@ -190,7 +190,7 @@ def _unit(
     if len(step) == 0:
         return 1.0, None, ""
     mean = float((time[-1] - time[0]) / (len(time) - 1))
-    mean = mean if mean > 0 else float(median(step))
+    mean = max(mean if mean > 0 else float(median(step)), 1e-200)  # whose reciprocal is finite
     for power, (name, unit) in enumerate(TIME_UNITS.items()):
         low, high = (bound * 1000.0**power for bound in EPOCH_S)
         if low <= float(median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:

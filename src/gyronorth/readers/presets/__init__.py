@@ -10,8 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
+from gyronorth.files import read_bounded
 from gyronorth.readers.options import ReadOptions
 
+#: Bytes of a preset.
+LARGEST = 1_000_000
 #: Keys that say when a preset applies, and what it is.
 _ABOUT = ("title", "source", "titles", "preamble", "file", "only")
 #: Keys that are declarations, by the names of `ReadOptions`.
@@ -86,8 +89,10 @@ def load(name: str) -> Preset:
         known = ", ".join(preset.name for preset in shipped())
         raise InputError(f"There is no preset {name!r}: {known} are shipped; a file of your own ends in .json.")
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, OSError) as error:
+        document = json.loads(read_bounded(path, LARGEST).decode("utf-8-sig"))
+    except InputError:
+        raise
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{name} is no preset: {error}.") from None
     if not isinstance(document, dict):
         raise InputError(f"{name} is no preset: a JSON object is expected.")
