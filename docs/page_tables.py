@@ -54,8 +54,8 @@ def folded(group: re.Match[str]) -> str:
 
 
 def test_files() -> list[Path]:
-    """The files of tests, those on recorded data last."""
-    return [*sorted((ROOT / "tests").glob("test_*.py")), *sorted((ROOT / "tests/real").glob("test_*.py"))]
+    """The files of tests, those in folders last."""
+    return sorted((ROOT / "tests").rglob("test_*.py"), key=lambda path: (len(path.parts), path))
 
 
 def test_functions(path: Path) -> Iterator[tuple[ast.FunctionDef, set[str]]]:
@@ -67,17 +67,19 @@ def test_functions(path: Path) -> Iterator[tuple[ast.FunctionDef, set[str]]]:
 
 
 def tests() -> str:
-    """Test files with what they are about and their number of tests."""
-    lines = ["| file | about | tests | of them with generated input | slow |", "|---|---|---|---|---|"]
-    total = [0, 0, 0]
+    """Tests by folder, and by file outside of folders, with their number."""
+    lines = ["| folder or file | files | tests | with generated input | slow or long |", "|---|---|---|---|---|"]
+    counts: dict[str, list[int]] = {}
     for path in test_files():
-        about = (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n")[0].replace("|", "\\|")
         marks = [marks for _, marks in test_functions(path)]
-        counts = [len(marks), sum("given" in each for each in marks), sum("slow" in each for each in marks)]
-        total = [sum(pair) for pair in zip(total, counts, strict=True)]
-        name = str(path.relative_to(ROOT / "tests"))
-        lines.append(f"| `{name}` | {about} | " + " | ".join(str(count or "") for count in counts) + " |")
-    return "\n".join([*lines, "| **all** | | " + " | ".join(f"**{count}**" for count in total) + " |"])
+        whole = re.search(r"^pytestmark = .*\b(slow|long)\b", path.read_text(), re.MULTILINE)
+        slow = sum(bool(whole or {"slow", "long"} & each) for each in marks)
+        found = [1, len(marks), sum("given" in each for each in marks), slow]
+        name = path.relative_to(ROOT / "tests").parts[0]
+        counts[name] = [sum(pair) for pair in zip(counts.get(name, [0] * 4), found, strict=True)]
+    lines += [f"| `{name}` | " + " | ".join(str(n or "") for n in found) + " |" for name, found in counts.items()]
+    total = [sum(column) for column in zip(*counts.values(), strict=True)]
+    return "\n".join([*lines, "| **all** | " + " | ".join(f"**{count}**" for count in total) + " |"])
 
 
 def oracles() -> str:

@@ -88,7 +88,7 @@ def test_page_is_filled_from_the_files(results, tmp_path):
     verdicts = [line.split(" | ")[3].rstrip(" |") for line in text.splitlines() if line.startswith("| it ")]
     assert verdicts == [
         "holds",
-        "cannot be told",
+        "undecided",
         "**does not hold**",
         "holds",
         "**does not hold**",

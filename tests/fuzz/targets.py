@@ -76,6 +76,10 @@ def targets(folder: Path) -> list[Target]:
     recording = _still()
     return [
         *_formats(recording, folder),
+        *_layouts(folder),
+        _turned(folder),
+        _preset(folder),
+        *_options(folder),
         *_frames(folder),
         _profile(recording, folder),
         _deviation(recording, folder),
@@ -132,6 +136,90 @@ def _formats(recording: Recording, folder: Path) -> Iterator[Target]:
         yield Target("mat-packed" if compressed else "mat", "binary", content, _file(folder, "mutated.mat", heading))
 
 
+def _layouts(folder: Path) -> Iterator[Target]:
+    """Every other way in which people keep recordings."""
+    if not all(find_spec(needed) for needed in ("openpyxl", "pyarrow", "zstandard")):
+        return
+    from fuzz.recordings import base_files
+
+    for name, content, declared in base_files(folder):
+
+        def heading(path: Path, declared: dict[str, Any] = declared) -> HeadingEstimate:
+            found = gyronorth.read(path, drop_bad_rows=path.stat().st_size % 2 == 1, **declared)
+            return gyronorth.heading(found, latitude=LATITUDE, method="mean")
+
+        kind = "json" if name.endswith(".json") else "text" if name.endswith(TEXTS) else "binary"
+        yield Target(name.replace(".", "-"), kind, partial(bytes, content), _file(folder, name, heading))
+
+
+#: Of the layouts, those that are texts in UTF-8.
+TEXTS = (".csv", ".txt", ".log", ".jsonl", ".imu")
+
+
+def _turned(folder: Path) -> Target:
+    """One of three poses in files of their own."""
+    poses = [
+        gyronorth.simulate(
+            "stim300", latitude=LATITUDE, heading=0.7 + turn, duration=60.0, rate_hz=2.0, rng=np.random.default_rng(3)
+        )
+        for turn in (0.0, np.pi / 2, np.pi)
+    ]
+    path = folder / "pose.csv"
+    gyronorth.write(poses[1], path)
+
+    def use(file: Path) -> HeadingEstimate:
+        given = [poses[0], gyronorth.read(file), poses[2]]
+        return gyronorth.heading(given, latitude=LATITUDE, sensor="stim300", turn_angles=(np.pi / 2, np.pi / 2))
+
+    return Target("turned", "text", partial(bytes, path.read_bytes()), _file(folder, "pose-mutated.csv", use))
+
+
+def _preset(folder: Path) -> Target:
+    """Declarations that `import` keeps, for a file of the titles they name."""
+    titles = ("Time", "gx", "gy", "gz", "ax", "ay", "az")
+    names = ("t", "w_x", "w_y", "w_z", "f_x", "f_y", "f_z")
+    path = folder / "of-preset.csv"
+    recording = _still()
+    table = np.column_stack([np.arange(SAMPLES) / RATE_HZ, recording.gyro_b, recording.accel_b])
+    np.savetxt(path, table, delimiter=",", header=",".join(titles), comments="")
+    document = {
+        "title": "mine", "titles": ["Time"], "preamble": "", "file": "", "time_unit": "s", "gyro_unit": "rad/s",
+        "accel_unit": "m/s2", "gyro_scale": 1.0, "axes": "frd", "columns": dict(zip(names, titles, strict=True)),
+    }  # fmt: skip
+
+    def use(file: Path) -> HeadingEstimate:
+        return gyronorth.heading(gyronorth.read(path, preset=str(file)), latitude=LATITUDE, method="mean")
+
+    return Target("preset", "json", partial(bytes, json.dumps(document).encode()), _file(folder, "preset.json", use))
+
+
+class _BeginsError(Exception):
+    """The options were taken, and the session would begin."""
+
+
+def _options(folder: Path) -> Iterator[Target]:
+    """A file of options for `live`: what it says is checked as the command line is."""
+    from typer.testing import CliRunner
+
+    from gyronorth.cli import app
+
+    text = (
+        'source = "-"\naxes = "frd"\ngyro-unit = "rad/s"\naccel-unit = "m/s2"\nrate = 10.0\nlatitude = 32.11\n'
+        'method = "mean"\npage = false\njson = true\nrequire-sigma = 2.0\noutput_rate = 0.5\n'
+        "boresight = [0.1, 0, 0]\ncolumns = {t = 0, w_x = 1, w_y = 2, w_z = 3}\n"
+    )
+
+    def use(file: Path) -> None:
+        with patch("gyronorth.live.session.Session.start", side_effect=_BeginsError):
+            result = CliRunner().invoke(app, ["live", "--config", str(file)], input="")
+        if result.exit_code == 2:
+            raise InputError(result.output)
+        if not isinstance(result.exception, _BeginsError):
+            raise result.exception or AssertionError(result.output)
+
+    yield Target("options", "text", partial(bytes, text.encode()), _file(folder, "live.toml", use))
+
+
 def _frames(folder: Path) -> Iterator[Target]:
     """Captures of every protocol: as files, and as they come to a running session."""
     from frames.encoders import CASES
@@ -186,7 +274,7 @@ def _session(content: bytes, reading: ReadOptions) -> HeadingEstimate | None:
     session = Session(_Bytes(content), LiveSettings(reading, method="mean"))
     with patch("gyronorth.live.estimation._warm"):  # of no use to a stream of a second
         session.start()
-        assert session.ended.wait(20), "the session does not end"
+        assert session.ended.wait(90), "the session does not end"
         session.close()
     if session.error is not None:
         raise session.error

@@ -296,6 +296,14 @@ def test_a_recording_is_named_only_once_its_file_is_there(tmp_path):
     assert session.status.recording == tmp_path / "rec.csv"
 
 
+@pytest.mark.parametrize(("method", "warmed"), [("auto", 1), ("mean", 0)])
+def test_other_methods_are_loaded_at_the_start_where_auto_may_turn_to_them(monkeypatch, method, warmed):
+    calls = []
+    monkeypatch.setattr("gyronorth.live.estimation._warm", lambda: calls.append(method))
+    session_of(HEAD, ROWS[:100], method=method)
+    assert len(calls) == warmed
+
+
 def live_of(given: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """`live -` without a page, on what it is given."""
     command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", "--method", "mean", *arguments]
@@ -442,7 +450,7 @@ def test_json_lines_hold_the_estimate_and_the_counters(tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long  # in one process and without a benchmark: test_lost_rows_and_garbage_are_counted_...
 def test_a_bad_line_costs_no_good_row():
     """The benchmark's stream, shortened: 1 % lost, 1 % garbage, three connections that break."""
     command = [sys.executable, "-m", "benchmarks.live_soak", "--minutes", "0.5", "--speed", "20"]

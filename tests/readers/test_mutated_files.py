@@ -7,167 +7,30 @@ and the file's number alone, so that a failure can be run again by itself.
 
 from __future__ import annotations
 
-import gzip
-import io
-import lzma
+import json
 import resource
 import signal
-import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from math import radians
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import openpyxl
-import pymseed
 import pytest
-import rdata
-import scipy.io
-import zstandard
+from fuzz.recordings import LATITUDE, SEED, Options, base_files
 
-from gyronorth import Recording, heading
-from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth import heading
 from gyronorth.errors import InputError
-from gyronorth.readers import read, write
+from gyronorth.readers import read
 
-SEED = 20240501
-#: Damaged files, in every `make test` and in `make long`.
-FILES, MANY_FILES = 120, 10_000
 #: Longest processor time for one file, s: a thousand times what one takes.
-PATIENCE = 60
+PATIENCE = 30
 #: Growth of the process that no damaged size field may cause, KiB.
 MEMORY = 1 << 20
-ROWS = 120
-RATE_HZ = 1.0  # so that few rows last long enough for a valid heading
-LATITUDE = radians(32.11)
 ODD_NUMBERS = (
     "nan", "inf", "-inf", "1e308", "-1e400", "1e-320", "0", "-0", "9" * 40, "1e30", "99999999999", "", " ", "-", "0x10",
     "1_000", "1,5", "1;5", "--1", "1e", "NaN", "null", "#", "%", "//", "\t", '"', "'", "\r", "\n", "\x00", "\ufeff",
     "°", "１",
 )  # fmt: skip
-
-Options = dict[str, Any]
-
-
-def samples() -> tuple[np.ndarray, np.ndarray]:
-    """Angular rate, rad/s, and specific force, m/s^2, of a level body at rest, heading 40 deg."""
-    rng = np.random.default_rng(SEED)
-    north, down = EARTH_RATE * np.cos(LATITUDE), -EARTH_RATE * np.sin(LATITUDE)
-    rate = [north * np.cos(radians(40)), -north * np.sin(radians(40)), down]
-    force = [0.0, 0.0, -STANDARD_GRAVITY]
-    return rng.normal(rate, 1e-5, (ROWS, 3)), rng.normal(force, 1e-3, (ROWS, 3))
-
-
-def rows_of(columns: list[np.ndarray], delimiter: str, end: str = "\n") -> str:
-    return "".join(delimiter.join(f"{value:.9g}" for value in row) + end for row in np.column_stack(columns))
-
-
-def base_files(folder: Path) -> list[tuple[str, bytes, Options]]:
-    """File name, content and the declarations it needs, for every format."""
-    gyro, accel = samples()
-    time = np.arange(ROWS) / RATE_HZ
-    flu = np.array([1, -1, -1])
-    recording = Recording(gyro, accel, RATE_HZ, latitude=LATITUDE, session="one", start_time_utc="2024-05-01T12:00:00Z")
-    bases: list[tuple[str, bytes, Options]] = []
-    for suffix in (".csv", ".npz"):
-        write(recording, folder / f"base{suffix}")
-        bases.append((f"ours{suffix}", (folder / f"base{suffix}").read_bytes(), {}))
-    mapped = "Time,gx,gy,gz,ax,ay,az,\r\n" + rows_of([time, np.degrees(gyro), accel / STANDARD_GRAVITY], ",", ",\r\n")
-    columns = dict(zip(("w_x", "w_y", "w_z", "f_x", "f_y", "f_z"), ("gx", "gy", "gz", "ax", "ay", "az"), strict=True))
-    units = {"gyro_unit": "deg/s", "accel_unit": "g", "latitude": LATITUDE}
-    bases.append(("mapped.csv", mapped.encode(), {"columns": columns, "time_unit": "s", **units}))
-    # The published layout implies 600 Hz: at the declared rate they are as long as the others.
-    published = ",w_x,w_y,w_z,f_x,f_y,f_z\n" + rows_of([np.arange(ROWS), np.degrees(gyro), accel], ",")
-    bases.append(("x_40.0.csv", published.encode(), {"latitude": LATITUDE, "rate_hz": RATE_HZ}))
-    titles = "Time (s);Gyro X (deg/s);Gyro Y (deg/s);Gyro Z (deg/s);Acc X (g);Acc Y (g);Acc Z (g)"
-    logger = f"LOGGER 3.2\n\n{titles}\n" + rows_of([time, np.degrees(gyro), accel / STANDARD_GRAVITY], ";")
-    axes = {"axes": "frd", "latitude": LATITUDE}
-    bases.append(("logger.csv", f"{logger}End of log\n".replace(".", ",").encode(), axes))
-    bases.append(("logger16.csv", logger.encode("utf-16"), axes))
-    # Right-front-up from forward-right-down, and counts of 0.01 arcsec and 1 ug s.
-    turn, push = gyro[:, [1, 0, 2]] * [1, 1, -1], accel[:, [1, 0, 2]] * [1, 1, -1]
-    counts = np.hstack([turn / RATE_HZ / (radians(0.01) / 3600), push / RATE_HZ / 9.78e-6])
-    psins = "% PSINS-format SIMU log file.\n\n0 0 -40 0 0 0\n32.11 34.8 20 0 1000 9.78\n0.01 0.01 0.01 1 1 1\n"
-    psins += rows_of([np.round(counts)], " ")
-    bases.append(("psins.imu", psins.encode(), {}))
-    counter = (np.arange(ROWS) * 4 + 65500) % 65536
-    export = f"// Start Time: Unknown\n// Update Rate: {RATE_HZ}Hz\n"
-    export += "PacketCounter\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z\n" + rows_of(
-        [counter, accel * flu, gyro * flu], "\t"
-    )
-    bases.append(("export.txt", export.encode(), {"latitude": LATITUDE}))
-    table = np.column_stack([time, np.degrees(gyro), accel / STANDARD_GRAVITY])
-    matlab: list[dict[str, Any]] = [{"do_compression": True}, {"do_compression": False}]
-    for number, how in enumerate(matlab):
-        file = io.BytesIO()
-        scipy.io.savemat(file, {"note": "text", "data": table}, **how)
-        numbers = dict(zip(("t", *columns), range(7), strict=True))
-        bases.append(
-            (
-                f"matlab{number}.mat",
-                file.getvalue(),
-                {"variable": "data", "columns": numbers, "time_unit": "s", **units},
-            )
-        )
-        file = io.BytesIO()
-        structs = {"imu1": {"t": time[:, None], "fb": accel, "wb": gyro, "freq": RATE_HZ, "note": "text"}}
-        scipy.io.savemat(file, structs, **how)
-        bases.append((f"navego{number}.mat", file.getvalue(), {"latitude": LATITUDE, "axes": "frd"}))
-    return bases + boxes(time, gyro, accel, table, units, bases[0][1]) + foreign(folder, time, gyro, accel)
-
-
-def boxes(
-    time: np.ndarray, gyro: np.ndarray, accel: np.ndarray, table: np.ndarray, units: Options, ours: bytes
-) -> list[tuple[str, bytes, Options]]:
-    """Arrays of NumPy, binary rows, a workbook, packed files and archives."""
-    si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE, "time_unit": "s"}
-    names = ("t", "w_x", "w_y", "w_z", "f_x", "f_y", "f_z")
-    found: list[tuple[str, bytes, Options]] = []
-    file = io.BytesIO()
-    np.save(file, table)
-    found.append(
-        ("array.npy", file.getvalue(), {"columns": dict(zip(names, range(7), strict=True)), "time_unit": "s", **units})
-    )
-    file = io.BytesIO()
-    np.savez_compressed(file, t=time, gyro=gyro, accel=accel)
-    found.append(("foreign.npz", file.getvalue(), si))
-    increments = np.column_stack([time + 388800, gyro / RATE_HZ, accel / RATE_HZ])
-    found.append(("kfgins.bin", increments.astype("<f8").tobytes(), {"latitude": LATITUDE, "axes": "frd"}))
-    book = openpyxl.Workbook()
-    book.active.append(names)
-    for row in np.column_stack([time, gyro, accel]).tolist():
-        book.active.append(row)
-    file = io.BytesIO()
-    book.save(file)
-    found.append(("sheet.xlsx", file.getvalue(), si))
-    for suffix, pack in ((".gz", gzip.compress), (".xz", lzma.compress), (".zst", zstandard.compress)):
-        found.append((f"packed.csv{suffix}", pack(ours), {}))
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, letter, values in (("Gyroscope.csv", "w", gyro), ("Accelerometer.csv", "f", accel)):
-            header = f"t,{letter}_x,{letter}_y,{letter}_z\n"
-            archive.writestr(name, header + rows_of([time, values], ","))
-    found.append(("phone.zip", file.getvalue(), si))
-    return found
-
-
-def foreign(folder: Path, time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[str, bytes, Options]]:
-    """What libraries of others decode: records of miniSEED, packed and not, and data of R."""
-    found: list[tuple[str, bytes, Options]] = []
-    si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE}
-    codes = ("J_1", "J_2", "J_3", "N_1", "N_2", "N_3")
-    for version, encoding in ((2, pymseed.DataEncoding.STEIM2), (3, pymseed.DataEncoding.INT32)):
-        traces = pymseed.MS3TraceList()
-        for code, values in zip(codes, (*gyro.T / 1e-9, *accel.T / 1e-6), strict=True):
-            counts = np.round(values).astype(np.int32)
-            traces.add_data(f"FDSN:XX_ROT_00_L_{code}", counts, "i", RATE_HZ, starttime_str="2024-03-01T12:00:00Z")
-        content = b"".join(traces.generate(max_record_length=512, encoding=encoding, format_version=version))
-        found.append((f"station{version}.mseed", content, {"gyro_scale": 1e-9, "accel_scale": 1e-6, **si}))
-    rdata.write_rds(folder / "list.rds", {"t": time, "gyro": gyro, "accel": accel}, compression=None)
-    found.append(("list.rds", (folder / "list.rds").read_bytes(), {"time_unit": "s", **si}))
-    return found
 
 
 def flip_bits(content: bytearray, rng: np.random.Generator) -> bytearray:
@@ -266,8 +129,33 @@ def outcome(path: Path, options: Options, rng: np.random.Generator) -> str:
     return "error"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("files", [FILES, pytest.param(MANY_FILES, marks=pytest.mark.long)])
+BLANKS, TITLES, SEVEN = " " * 30_000, "t,w_x,w_y,w_z,f_x,f_y,f_z\n", ",1,2,3,4,5,6\n"
+ROWS = "".join(f"{k / 10:.1f},1e-5,-2e-5,-3e-5,0.01,0.02,-9.8\n" for k in range(60))
+#: Lines on which a pattern that can take a text in many ways tries them all.
+ENDLESS = {
+    "comment": f"# a: {BLANKS}x{BLANKS}y\n{TITLES}{ROWS}",
+    "rate": f"rate 1{BLANKS}a\n{TITLES}{ROWS}",
+    "quotes": "# Rate: 1" + '"' * 30_000 + f"a\n{TITLES}{ROWS}",
+    "title": TITLES.strip() + "," + "_ " * 30_000 + "\n" + ROWS.replace("-9.8", "-9.8,0"),
+    "unit": f"time,gyro x [{BLANKS}x{BLANKS}1.],b,c,d,e,f\n{ROWS}",
+    "digits": "time" + TITLES[1:] + f"{'1' * 20_000} days , ,1:00:00{SEVEN}" * 3 + ROWS,
+    "clock": "time" + TITLES[1:] + f"1:00:00{BLANKS}x{SEVEN}" * 2 + ROWS,
+    "labels": f"a: {'123456 ' * 400}!\n{ROWS}",
+    "names": "".join(json.dumps({f"k{i}_{k}": 1 for i in range(90)}) + "\n" for k in range(200)) + "{}\n" * 300_000,
+    "nested": '[{"a":' * 100_000,
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_a_line_that_is_made_to_take_for_ever_does_not(name, tmp_path):
+    path = tmp_path / "made.txt"
+    path.write_text(ENDLESS[name])
+    with limited_time(name), suppress(InputError):
+        read(path, gyro_unit="rad/s", accel_unit="m/s2", axes="frd")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("files", [10_000])
 def test_every_mutated_file_ends_in_a_result_a_refusal_or_one_clear_error(tmp_path: Path, files: int):
     bases = base_files(tmp_path)
     for name, content, options in bases:

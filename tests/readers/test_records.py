@@ -11,7 +11,7 @@ from cases.layouts import ACCEL, DPS, FLU, GYRO, TIME
 from numpy.testing import assert_allclose
 
 from gyronorth.errors import InputError
-from gyronorth.readers import ReadOptions, read
+from gyronorth.readers import ReadOptions, read, records
 
 SAID = ReadOptions(axes="frd", gyro_unit="deg/s", accel_unit="m/s2")
 ROWS = np.column_stack([TIME, DPS, ACCEL]).tolist()
@@ -41,6 +41,7 @@ FILES = {
     "lists.ndjson": objects(lambda t, *v: {"timestamp": (START + timedelta(seconds=t)).isoformat(
         timespec="milliseconds") + "Z", "gyro": v[:3], "accel": v[3:]}),
     "array.json": json.dumps([{"t": row[0], "w": xyz(row[1:4]), "f": xyz(row[4:])} for row in ROWS], indent=1),
+    "one_line.json": json.dumps([{"t": row[0], "w": row[1:4], "f": row[4:]} for row in ROWS]),
     "blanks.txt": labelled("ts: {} gx: {} gy: {} gz: {} ax: {} ay: {} az: {}"),
     "equals.txt": "boot\n" + labelled("t={}; gx={:.9e}; gy={:.9e}; gz={:.9e}; ax={}; ay={}; az={}"),
     "triples.txt": labelled("t: {} Gyro: {}, {}, {} Acc: {}, {}, {}"),
@@ -57,6 +58,23 @@ def test_what_is_no_table_is_read_as_one(tmp_path, name):
     assert_allclose(np.degrees(recording.gyro_b), DPS, rtol=0, atol=1e-9)
     assert_allclose(recording.accel_b, ACCEL, rtol=0, atol=1e-6)
     assert recording.source == name
+
+
+@pytest.mark.parametrize("name", ["array.json", "one_line.json", "nested.jsonl", "blanks.txt"])
+def test_what_is_taken_piece_by_piece_is_the_same(tmp_path, name, monkeypatch):
+    path = tmp_path / name
+    path.write_text(FILES[name].replace("\n", "\n" * 3000, 2) if name == "nested.jsonl" else FILES[name])
+    monkeypatch.setattr(records, "PIECE", 1009)  # characters, so that objects are cut wherever they may be
+    assert_allclose(np.degrees(read(path, SAID).gyro_b), DPS, rtol=0, atol=1e-9)
+
+
+def test_objects_of_other_kinds_give_no_numbers(tmp_path):
+    path = tmp_path / "mixed.jsonl"
+    odd = {"ts": ROWS[50][0], "gyro": "123", "acc": [1, 2, 3]}
+    rows = [json.dumps({"ts": row[0], "gyro": row[1:4], "acc": row[4:]}) for row in ROWS]
+    path.write_text("\n".join([*rows[:50], json.dumps(odd), *rows[51:]]) + "\n")
+    with pytest.raises(InputError, match="Row 52"):
+        read(path, SAID)
 
 
 def test_the_own_files_of_gnss_logger(tmp_path):
@@ -84,7 +102,9 @@ def test_lines_of_two_sensors_in_turn_are_refused(tmp_path):
         read(path, SAID)
 
 
-@pytest.mark.parametrize(("name", "cut"), [("nested.jsonl", 9), ("array.json", 9), ("blanks.txt", 20)])
+@pytest.mark.parametrize(
+    ("name", "cut"), [("nested.jsonl", 9), ("array.json", 9), ("one_line.json", 9), ("blanks.txt", 20)]
+)
 def test_a_file_that_is_cut_off_is_refused_in_one_message(tmp_path, name, cut):
     path = tmp_path / name
     path.write_text(FILES[name][:-cut])

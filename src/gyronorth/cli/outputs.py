@@ -9,6 +9,9 @@ from typing import Any
 
 import typer
 
+from gyronorth.cli import progress
+from gyronorth.cli.progress import QUIET
+
 #: Kinds of drawing.
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -52,10 +55,10 @@ def check_outputs(
 
 
 def written(path: Path) -> None:
-    """Say on standard error what was written, devices and pipes left out."""
+    """Say on standard error what was written, devices and pipes left out; nothing with -q."""
     from gyronorth.report.wording import printable
 
-    if path.is_file() or path.is_dir():
+    if progress.level > QUIET and (path.is_file() or path.is_dir()):
         typer.echo(f"wrote {printable(str(path))}", err=True)
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import re
 
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
-_COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?|[+-]?\d+(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
+_COMMA_NUMBER = re.compile(r"[+-]?\d*+,\d++(?:[eE][+-]?\d+)?|[+-]?\d+(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
 
 
 def split(line: str, delimiter: str | None) -> list[str]:

@@ -31,10 +31,12 @@ DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
 WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "blanks"}
 #: How a line begins that is no row.
 COMMENT_MARKS = ("#", "%", "//")
-COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:\s*(.*?)\s*$")
+COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:(.*)$")
+#: Longest line that may state a rate: the pattern takes the square of it.
+_LONGEST_STATEMENT = 200
 _RATE = re.compile(
     r"(?:sampl\w*|update|data|output|imu|log\w*)?[ _-]*(?:rate|freq\w*|odr|fs)\W{0,8}"
-    r"(\d+(?:\.\d+)?)[\s\",;]*(hz|khz)?\s*\W*$",
+    r"(\d++(?:\.\d++)?)[\s\",;]*+(hz|khz)?\W*$",
     re.IGNORECASE,
 )
 
@@ -251,11 +253,11 @@ def _above(
     rate_hz = None
     for row, line in enumerate(lines):
         match = COMMENT.match(line)
-        rate = _RATE.search(line)
+        rate = _RATE.search(line) if len(line) <= _LONGEST_STATEMENT else None
         if rate and float(rate[1]) > 0 and not match:
             rate_hz = float(rate[1]) * (1000.0 if (rate[2] or "").lower() == "khz" else 1.0)
         if match and line.startswith("#"):
-            key, value = match[1], match[2]
+            key, value = match[1], match[2].strip()
             if key in comments and comments[key][0] != value:
                 raise InputError(f"Row {row + 1} of {name} states {key} again, with another value.")
             comments[key] = (value, row + 1)
@@ -281,6 +283,8 @@ def _titles(
                 continue
             return None, (), None
         if all(is_number(cell, decimal) for cell in fields if cell):
+            if len(fields) == width and not all(fields):  # a row with empty fields
+                continue
             return None, (), None
         if unit_row is None and all(is_unit(cell) for cell in fields) and any(fields) and len(fields) == width:
             unit_row = row

@@ -14,21 +14,25 @@ from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
-from gyronorth.readers.spool import MOST, Spooled
+from gyronorth.readers.sentences import rewriting_of
+from gyronorth.readers.spool import Spooled, most_of
 
-#: Bytes of whole lines that are written anew at a time, and most bytes of a file that is one JSON array.
-PIECE, WHOLE = 1 << 20, 1 << 28
+#: Bytes of whole lines, or characters of an array, that are written anew at a time, and most bytes of one object.
+PIECE, WHOLE = 1 << 20, 1 << 25
+#: Most names in JSON objects, and most cells of the table that a piece becomes: names that nearly no object has.
+MOST_NAMES, MOST_CELLS = 400, 1 << 22
 #: Lines that are looked at, fewest numbers in one, and bytes of the longest.
 LOOKED_AT, FEWEST, LONGEST = 20, 3, 4096
 #: Objects whose names make the titles, and the largest share of lines with other names than the first one.
 COMPARED, MOST_OTHERS = 200, 0.1
-_NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER = rb"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"  # a digit can be taken in one way only
 _LABEL = rb"(?<![\w.])\"?([A-Za-z_][\w.]*(?:\[\w*\])?)\"?[ \t]*[:=][ \t]*"
 _BETWEEN = rb"[ \t,;|]+"
 _LABELLED = re.compile(
     rb"[ \t{]*(?:%b%b(?:%b%b)*[ \t,;|}]*)+" % (_LABEL.replace(b"([A", b"(?:[A"), _NUMBER, _BETWEEN, _NUMBER)
 )
 _BRACKETED = re.compile(rb"[ \t]*[\[(][-+\d][^\[\](){}]*[\])],?[ \t]*")
+_BLANKS, _SEPARATOR = re.compile(r"\s*+"), re.compile(r"\s*+([,\]])")
 #: Kinds of GnssLogger's rows, the one that is taken where there are several coming first, and their names in the table.
 _GYROS, _ACCELS = (b"UncalGyro", b"Gyro"), (b"UncalAccel", b"Accel")
 
@@ -38,14 +42,18 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     body = head.removeprefix(b"\xef\xbb\xbf").lstrip()
     if b"\0" in body[:1024]:
         return None
+    if re.match(rb"\[\s*\{", body):  # all of it may be one line
+        return _of_array
+    if _is_one_object(body):
+        return _of_one_object
     lines = [line.strip() for line in body.split(b"\n")[: LOOKED_AT + 1]][:-1] or [body]
     lines = [line for line in lines if line]
     if not lines or max(map(len, lines)) > LONGEST:
         return None
     if any(_gnss_fields(line, _GYROS) for line in body.split(b"\n") if line.startswith(b"#")):
         return _of_gnss_logger
-    if re.match(rb"\[\s*\{", body):
-        return _of_array
+    if (rewriting := rewriting_of(lines, body)) is not None:
+        return lambda path: _spooled(path, (piece for piece in rewriting(_pieces(path)) if piece))
     if body.startswith(b"{") and (b":" in lines[0]) and lines[0].endswith((b"}", b"},")):
         return _of_objects
     behind = lines[1:] or lines
@@ -56,11 +64,22 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     return None
 
 
+def _is_one_object(body: bytes) -> bool:
+    """Whether the file begins as one JSON object: in one line that does not end, or over lines of one name each."""
+    first = body.split(b"\n", 1)[0].strip()
+    return body.startswith(b"{") and (first == b"{" or (b"\n" not in body and len(body) > LONGEST))
+
+
 def _spooled(path: Path, pieces: Iterable[bytes]) -> Spooled:
     """The pieces in a file."""
     spooled = Spooled(path.name)
-    source = iter(pieces)
-    spooled.fill(lambda _: next(source, b""), most=MOST, too_large=f"{path.name} is too large.")
+    source = (piece for piece in pieces if piece)  # an empty one is no end
+    most = most_of(path.stat().st_size)
+    spooled.fill(
+        lambda _: next(source, b""),
+        most=most,
+        too_large=f"{path.name} is more than {most >> 20} MiB as a table, which no recording of its size is.",
+    )
     return spooled
 
 
@@ -92,21 +111,98 @@ def _of_objects(path: Path) -> Spooled:
 
 def _of_array(path: Path) -> Spooled:
     """One JSON array of objects."""
+    return _spooled(path, _of_rows(_parts(path), path.name))
+
+
+def _parts(path: Path) -> Iterator[list[Any]]:
+    """The objects of one JSON array, those of a piece at a time."""
+    decode = json.JSONDecoder().raw_decode
+    with path.open(encoding="utf-8-sig") as file:
+        try:
+            text = file.read(PIECE)
+            at, objects = text.index("[") + 1, []
+            while True:
+                try:
+                    found, end = decode(text, _end(_BLANKS, text, at))
+                    at = _end(_SEPARATOR, text, end)
+                except (ValueError, RecursionError):
+                    more = file.read(PIECE) if len(text) - at <= PIECE else ""
+                    if not more:
+                        raise
+                    yield objects
+                    text, at, objects = text[at:] + more, 0, []
+                    continue
+                objects.append(found)
+                if text[at - 1] == "]":
+                    break
+        except (ValueError, RecursionError) as error:
+            raise InputError(_no_json(path.name, error)) from None
+    yield objects
+
+
+def _end(pattern: re.Pattern[str], text: str, at: int) -> int:
+    match = pattern.match(text, at)
+    if match is None:
+        raise ValueError("Expecting ',' or ']' behind an object")
+    return match.end()
+
+
+def _no_json(name: str, error: Exception) -> str:
+    return f"{name} is not the JSON that it begins as: {error}. It is damaged or cut off."
+
+
+def _of_one_object(path: Path) -> Spooled:
+    """One JSON object that holds a list of objects, or lists of numbers."""
     if path.stat().st_size > WHOLE:
         raise InputError(
-            f"{path.name} is one JSON array of more than {WHOLE >> 20} MiB. Write an object into each line instead: "
-            f"jq -c '.[]' {path.name} > rows.jsonl"
+            f"{path.name} is one JSON object of more than {WHOLE >> 20} MiB. Write an object for each sample into a "
+            "line of its own instead, or a list of them."
         )
-    return _spooled(path, _of_rows([_parsed(path.read_bytes(), path.name)], path.name))
+    samples = _one_object(path)
+    parts = (samples[first : first + LONGEST] for first in range(0, len(samples), LONGEST))
+    return _spooled(path, _of_rows(parts, path.name))
+
+
+def _one_object(path: Path) -> list[Any]:
+    try:
+        whole = json.loads(path.read_bytes().decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(_no_json(path.name, error)) from None
+    samples = _samples(whole)
+    if samples is None or not all(isinstance(each, dict) for each in samples):
+        raise InputError(f"{path.name} holds JSON that is no list of objects; one object for each sample is expected.")
+    return samples
+
+
+def _samples(value: Any, depth: int = 0) -> list[Any] | None:
+    """The samples in one object: its longest list of objects, or its lists of one length put side by side."""
+    if not isinstance(value, dict) or depth > 3:
+        return None
+    lists = [each for each in value.values() if isinstance(each, list) and each and isinstance(each[0], dict)]
+    if lists:
+        return max(lists, key=len)
+    columns = {".".join(place): each for place, each in _lists(value)}
+    longest = max((len(each) for each in columns.values()), default=0)
+    columns = {title: each for title, each in columns.items() if len(each) == longest}
+    if longest < FEWEST or not columns:
+        inner = (_samples(each, depth + 1) for each in value.values())
+        return next((found for found in inner if found), None)
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _lists(value: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    for key, each in value.items():
+        if isinstance(each, list):
+            yield (*place, key), each
+        elif isinstance(each, dict) and len(place) < 4:
+            yield from _lists(each, (*place, key))
 
 
 def _parsed(text: bytes, name: str) -> list[Any]:
     try:
-        found = json.loads(text.decode("utf-8-sig"))
+        found: list[Any] = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{name} is not the JSON that it begins as: {error}. It is damaged or cut off.") from None
-    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
-        raise InputError(f"{name} holds JSON that is no list of objects; one object for each sample is expected.")
+        raise InputError(_no_json(name, error)) from None
     return found
 
 
@@ -114,6 +210,8 @@ def _of_rows(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
     """A table of objects, whose titles are the names in the first ones."""
     places: dict[str, tuple[str | int, ...]] = {}
     for objects in parts:
+        if not all(isinstance(each, dict) for each in objects):
+            raise InputError(f"{name} holds JSON that is no list of objects; one object for each sample is expected.")
         if objects and not places:
             for each in objects[:COMPARED]:
                 places |= dict(_leaves(each))
@@ -122,6 +220,11 @@ def _of_rows(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
                     f"{name} holds JSON objects of {', '.join(places) or 'no numbers'}; three rates are expected."
                 )
             yield (",".join(f'"{title}"' for title in places) + "\n").encode()
+        if len(places) > MOST_NAMES or len(places) * len(objects) > MOST_CELLS:
+            raise InputError(
+                f"{name} holds JSON objects of {len(places)} names, {len(objects)} objects in {PIECE >> 20} MiB; "
+                f"objects with the same names, at most {MOST_NAMES}, are expected, one for each sample."
+            )
         columns = [[_cell(each, place) for each in objects] for place in places.values()]
         yield "".join(",".join(row) + "\n" for row in zip(*columns, strict=True)).encode()
 
@@ -144,10 +247,10 @@ def _leaves(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str
 def _cell(value: Any, place: tuple[str | int, ...]) -> str:
     """One value of an object as it stands in a table; "" where it has none."""
     for key in place:
-        try:
-            value = value[key]
-        except (KeyError, IndexError, TypeError):
-            return ""
+        if isinstance(value, dict):
+            value = value.get(key)
+        else:
+            value = value[key] if isinstance(value, list) and isinstance(key, int) and key < len(value) else None
     if isinstance(value, bool) or value is None or isinstance(value, dict | list):
         return ""
     return '"' + re.sub(r'["\r\n]', " ", value) + '"' if isinstance(value, str) else repr(value)

@@ -8,11 +8,12 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
+from itertools import islice
 from pathlib import Path
 
 from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.archive import MAGIC as ZIP
 from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, split_path, unzipped
 from gyronorth.readers.bag_folder import METADATA, is_bag_folder
@@ -116,11 +117,19 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
     try:
         return _opened(path, options) if options.accel_file is None else _of_two(path, options)
     except FileNotFoundError:
-        raise InputError(f"There is no file {path}.") from None
+        raise InputError(f"There is no file {path}.{_near(path)}") from None
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} cannot be read: {error}.") from None
+
+
+def _near(path: Path) -> str:
+    """The file of the same folder whose name is nearest, as a question."""
+    try:
+        return did_you_mean(path.name, [each.name for each in islice(path.parent.iterdir(), 1000)])
+    except OSError:
+        return ""
 
 
 def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:

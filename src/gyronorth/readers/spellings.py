@@ -6,6 +6,7 @@ Published in the guide "Files and declarations"; a test reads every line of that
 from __future__ import annotations
 
 import re
+from math import inf
 
 #: Unit -> its spellings, in lower case, without blanks, dots and brackets, "°" as deg, "^" left out.
 GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
@@ -55,6 +56,8 @@ LONG_TIMES = (
     (3600.0, ("h", "hr", "hrs", "hour", "hours")),
     (86400.0, ("d", "day", "days")),
 )
+#: Longest text that can be a unit.
+LONGEST = 80
 _SCALED = re.compile(
     r"\s*[x*×]?\s*(?:10\^?(-\d+)|(\d+(?:\.\d*)?(?:e[+-]?\d+)?))\s*[x*×·]?\s*([^\d\s^.,].*)", re.IGNORECASE
 )
@@ -93,10 +96,11 @@ def scaled(text: str) -> tuple[float, str]:
     for seconds, names in LONG_TIMES:
         if text.strip().lower() in names:
             return seconds, "s"
-    match = _SCALED.fullmatch(text)
+    match = _SCALED.fullmatch(text) if len(text) <= LONGEST else None
     if match is None:
         return 1.0, text
-    return float(f"1e{match[1]}" if match[1] else match[2]), match[3]
+    scale = float(f"1e{match[1]}" if match[1] else match[2])
+    return (scale, match[3]) if 0 < scale < inf else (1.0, text)
 
 
 def is_unit(text: str) -> bool:

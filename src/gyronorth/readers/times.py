@@ -14,8 +14,8 @@ DAY = 86400.0
 WEEK = 604800.0
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _CLOCK = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)"
-_ZONE = r"\s*(?:Z|UTC|[+-]\d{2}:?\d{2})?"
-_HALVES = rf"{_CLOCK}\s*([AaPp][Mm])?{_ZONE}"
+_ZONE = r"[^\S\n]*(?:Z|UTC|[+-]\d{2}:?\d{2})?"
+_HALVES = rf"{_CLOCK}[^\S\n]*+([AaPp][Mm])?{_ZONE}"
 #: Name of a way to write times -> its pattern, a line at a time: date in up to three parts, hours, minutes, seconds.
 _COMPACT = r"(\d{4})(\d{2})(\d{2})[T_ -]?(\d{2})(\d{2})(\d{2}\.?\d*)"
 _FORMS = {

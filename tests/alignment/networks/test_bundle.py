@@ -51,7 +51,7 @@ def made(layout, output, samples=40, **sampler):
         "synthetic": {"headings": 40},
         "sampler": sampler,
         "denoiser": {"layers": 3, "hidden": 16, "epochs": 3, "batch": 10},
-        "heading": {"output": output, "epochs": 25, "augment": {"copies": 8}},
+        "heading": {"output": output, "epochs": 6, "augment": {"copies": 8}},
     }
     every = windows(16, samples)
     parts = [every.rows(np.arange(start, 16, step)) for start, step in ((0, 2), (1, 4), (3, 4))]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
-import rdata
 from numpy.testing import assert_allclose
 
 from gyronorth.errors import InputError
 from gyronorth.readers import read
+
+pd = pytest.importorskip("pandas", reason="pandas comes with the extra r")
+rdata = pytest.importorskip("rdata", reason="rdata comes with the extra r")
 
 ROWS, RATE = 300, 100.0
 TIME = np.arange(ROWS) / RATE

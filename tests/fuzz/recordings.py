@@ -1,0 +1,192 @@
+"""Small recordings in every format, each with the declarations it needs: what damage is done to."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import lzma
+import zipfile
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pymseed
+import rdata
+import scipy.io
+import zstandard
+
+from gyronorth import Recording
+from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.readers import write
+
+SEED = 20240501
+ROWS = 120
+RATE_HZ = 1.0  # so that few rows last long enough for a valid heading
+LATITUDE = radians(32.11)
+
+Options = dict[str, Any]
+
+
+def samples() -> tuple[np.ndarray, np.ndarray]:
+    """Angular rate, rad/s, and specific force, m/s^2, of a level body at rest, heading 40 deg."""
+    rng = np.random.default_rng(SEED)
+    north, down = EARTH_RATE * np.cos(LATITUDE), -EARTH_RATE * np.sin(LATITUDE)
+    rate = [north * np.cos(radians(40)), -north * np.sin(radians(40)), down]
+    force = [0.0, 0.0, -STANDARD_GRAVITY]
+    return rng.normal(rate, 1e-5, (ROWS, 3)), rng.normal(force, 1e-3, (ROWS, 3))
+
+
+def rows_of(columns: list[np.ndarray], delimiter: str, end: str = "\n") -> str:
+    return "".join(delimiter.join(f"{value:.9g}" for value in row) + end for row in np.column_stack(columns))
+
+
+def base_files(folder: Path) -> list[tuple[str, bytes, Options]]:
+    """File name, content and the declarations it needs, for every format."""
+    gyro, accel = samples()
+    time = np.arange(ROWS) / RATE_HZ
+    flu = np.array([1, -1, -1])
+    recording = Recording(gyro, accel, RATE_HZ, latitude=LATITUDE, session="one", start_time_utc="2024-05-01T12:00:00Z")
+    bases: list[tuple[str, bytes, Options]] = []
+    for suffix in (".csv", ".npz"):
+        write(recording, folder / f"base{suffix}")
+        bases.append((f"ours{suffix}", (folder / f"base{suffix}").read_bytes(), {}))
+    mapped = "Time,gx,gy,gz,ax,ay,az,\r\n" + rows_of([time, np.degrees(gyro), accel / STANDARD_GRAVITY], ",", ",\r\n")
+    columns = dict(zip(("w_x", "w_y", "w_z", "f_x", "f_y", "f_z"), ("gx", "gy", "gz", "ax", "ay", "az"), strict=True))
+    units = {"gyro_unit": "deg/s", "accel_unit": "g", "latitude": LATITUDE}
+    bases.append(("mapped.csv", mapped.encode(), {"columns": columns, "time_unit": "s", **units}))
+    # The published layout implies 600 Hz: at the declared rate they are as long as the others.
+    published = ",w_x,w_y,w_z,f_x,f_y,f_z\n" + rows_of([np.arange(ROWS), np.degrees(gyro), accel], ",")
+    bases.append(("x_40.0.csv", published.encode(), {"latitude": LATITUDE, "rate_hz": RATE_HZ}))
+    titles = "Time (s);Gyro X (deg/s);Gyro Y (deg/s);Gyro Z (deg/s);Acc X (g);Acc Y (g);Acc Z (g)"
+    logger = f"LOGGER 3.2\n\n{titles}\n" + rows_of([time, np.degrees(gyro), accel / STANDARD_GRAVITY], ";")
+    axes = {"axes": "frd", "latitude": LATITUDE}
+    bases.append(("logger.csv", f"{logger}End of log\n".replace(".", ",").encode(), axes))
+    bases.append(("logger16.csv", logger.encode("utf-16"), axes))
+    # Right-front-up from forward-right-down, and counts of 0.01 arcsec and 1 ug s.
+    turn, push = gyro[:, [1, 0, 2]] * [1, 1, -1], accel[:, [1, 0, 2]] * [1, 1, -1]
+    counts = np.hstack([turn / RATE_HZ / (radians(0.01) / 3600), push / RATE_HZ / 9.78e-6])
+    psins = "% PSINS-format SIMU log file.\n\n0 0 -40 0 0 0\n32.11 34.8 20 0 1000 9.78\n0.01 0.01 0.01 1 1 1\n"
+    psins += rows_of([np.round(counts)], " ")
+    bases.append(("psins.imu", psins.encode(), {}))
+    counter = (np.arange(ROWS) * 4 + 65500) % 65536
+    export = f"// Start Time: Unknown\n// Update Rate: {RATE_HZ}Hz\n"
+    export += "PacketCounter\tAcc_X\tAcc_Y\tAcc_Z\tGyr_X\tGyr_Y\tGyr_Z\n" + rows_of(
+        [counter, accel * flu, gyro * flu], "\t"
+    )
+    bases.append(("export.txt", export.encode(), {"latitude": LATITUDE}))
+    table = np.column_stack([time, np.degrees(gyro), accel / STANDARD_GRAVITY])
+    matlab: list[dict[str, Any]] = [{"do_compression": True}, {"do_compression": False}]
+    for number, how in enumerate(matlab):
+        file = io.BytesIO()
+        scipy.io.savemat(file, {"note": "text", "data": table}, **how)
+        numbers = dict(zip(("t", *columns), range(7), strict=True))
+        bases.append(
+            (
+                f"matlab{number}.mat",
+                file.getvalue(),
+                {"variable": "data", "columns": numbers, "time_unit": "s", **units},
+            )
+        )
+        file = io.BytesIO()
+        structs = {"imu1": {"t": time[:, None], "fb": accel, "wb": gyro, "freq": RATE_HZ, "note": "text"}}
+        scipy.io.savemat(file, structs, **how)
+        bases.append((f"navego{number}.mat", file.getvalue(), {"latitude": LATITUDE, "axes": "frd"}))
+    bases += boxes(time, gyro, accel, table, units, bases[0][1])
+    return bases + texts(time, gyro, accel) + foreign(folder, time, gyro, accel)
+
+
+def boxes(
+    time: np.ndarray, gyro: np.ndarray, accel: np.ndarray, table: np.ndarray, units: Options, ours: bytes
+) -> list[tuple[str, bytes, Options]]:
+    """Arrays of NumPy, binary rows, a workbook, packed files and archives."""
+    si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE, "time_unit": "s"}
+    names = ("t", "w_x", "w_y", "w_z", "f_x", "f_y", "f_z")
+    found: list[tuple[str, bytes, Options]] = []
+    file = io.BytesIO()
+    np.save(file, table)
+    found.append(
+        ("array.npy", file.getvalue(), {"columns": dict(zip(names, range(7), strict=True)), "time_unit": "s", **units})
+    )
+    file = io.BytesIO()
+    np.savez_compressed(file, t=time, gyro=gyro, accel=accel)
+    found.append(("foreign.npz", file.getvalue(), si))
+    increments = np.column_stack([time + 388800, gyro / RATE_HZ, accel / RATE_HZ])
+    found.append(("kfgins.bin", increments.astype("<f8").tobytes(), {"latitude": LATITUDE, "axes": "frd"}))
+    book = openpyxl.Workbook()
+    book.active.append(names)
+    for row in np.column_stack([time, gyro, accel]).tolist():
+        book.active.append(row)
+    file = io.BytesIO()
+    book.save(file)
+    found.append(("sheet.xlsx", file.getvalue(), si))
+    for suffix, pack in ((".gz", gzip.compress), (".xz", lzma.compress), (".zst", zstandard.compress)):
+        found.append((f"packed.csv{suffix}", pack(ours), {}))
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, letter, values in (("Gyroscope.csv", "w", gyro), ("Accelerometer.csv", "f", accel)):
+            header = f"t,{letter}_x,{letter}_y,{letter}_z\n"
+            archive.writestr(name, header + rows_of([time, values], ","))
+    found.append(("phone.zip", file.getvalue(), si))
+    for name, clock in clocks(time).items():
+        file = io.BytesIO()
+        columns = [*clock.items(), *zip(("gx", "gy", "gz", "ax", "ay", "az"), [*gyro.T, *accel.T], strict=True)]
+        pq.write_table(pa.table(dict(columns)), file)
+        found.append((name, file.getvalue(), {key: si[key] for key in si if key != "time_unit"}))
+    return found
+
+
+def clocks(time: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
+    """Times in two columns."""
+    since = 1_700_000_000_000_000_000 + (time * 1e9).astype("i8")
+    return {
+        "stamps.parquet": {"sec": since // 10**9, "nanosec": since % 10**9},
+        "weeks.parquet": {"week": np.full(ROWS, 2200), "tow": 345600.0 + time},
+    }
+
+
+def texts(time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[str, bytes, Options]]:
+    """Texts that are no tables, and GnssLogger's own files."""
+    si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE, "time_unit": "s"}
+    rows = np.column_stack([time, gyro, accel]).tolist()
+    objects = [{"t": row[0], "gyro": dict(zip("xyz", row[1:4], strict=True)), "acc": row[4:]} for row in rows]
+    labels = "t: {} gx: {} gy: {} gz: {} ax: {} ay: {} az: {}\n"
+    triples = "t={}; Gyro: {}, {}, {} Acc: {}, {}, {}\n"
+    forms = {
+        "lines.jsonl": "".join(json.dumps(each) + "\n" for each in objects),
+        "array.json": json.dumps(objects, indent=1),
+        "labels.txt": "".join(labels.format(*row) for row in rows),
+        "triples.log": "".join(triples.format(*row) for row in rows),
+        "brackets.txt": "t,gx,gy,gz,ax,ay,az\n" + "".join(f"{row},\n" for row in rows),
+    }
+    logger = ["# Raw,utcTimeMillis,TimeNanos"]
+    for kind in ("Accel", "Gyro"):
+        fields = ",".join(f"Uncal{kind}{axis}" for axis in "XYZ")
+        logger.append(f"# Uncal{kind},utcTimeMillis,elapsedRealtimeNanos,{fields},BiasX,BiasY,BiasZ")
+    for i, row in enumerate(rows):
+        stamp = f"{17 * 10**11 + 1000 * i},{10**14 + i * 10**9}"
+        for kind, (x, y, z) in (("Gyro", row[1:4]), ("Accel", row[4:])):
+            logger.append(f"Uncal{kind},{stamp},{x!r},{-y!r},{-z!r},0,0,0")
+    found = [(name, text.encode(), si) for name, text in forms.items()]
+    return [*found, ("gnss_log.txt", ("\n".join(logger) + "\n").encode(), {"axes": "flu", "latitude": LATITUDE})]
+
+
+def foreign(folder: Path, time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[str, bytes, Options]]:
+    """What libraries of others decode: records of miniSEED, packed and not, and data of R."""
+    found: list[tuple[str, bytes, Options]] = []
+    si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE}
+    codes = ("J_1", "J_2", "J_3", "N_1", "N_2", "N_3")
+    for version, encoding in ((2, pymseed.DataEncoding.STEIM2), (3, pymseed.DataEncoding.INT32)):
+        traces = pymseed.MS3TraceList()
+        for code, values in zip(codes, (*gyro.T / 1e-9, *accel.T / 1e-6), strict=True):
+            counts = np.round(values).astype(np.int32)
+            traces.add_data(f"FDSN:XX_ROT_00_L_{code}", counts, "i", RATE_HZ, starttime_str="2024-03-01T12:00:00Z")
+        content = b"".join(traces.generate(max_record_length=512, encoding=encoding, format_version=version))
+        found.append((f"station{version}.mseed", content, {"gyro_scale": 1e-9, "accel_scale": 1e-6, **si}))
+    rdata.write_rds(folder / "list.rds", {"t": time, "gyro": gyro, "accel": accel}, compression=None)
+    found.append(("list.rds", (folder / "list.rds").read_bytes(), {"time_unit": "s", **si}))
+    return found
