@@ -1,6 +1,7 @@
 """Run all benchmarks, or those named: `python -m benchmarks [generation allan ...] [--rounds N] [--json FILE]`.
 
-`python -m benchmarks league` compares errors and claims, not times; `samples` shows cost and memory against length.
+`python -m benchmarks league` compares errors and claims, not times; `samples` shows cost and memory against length,
+`page` writes docs/results/performance.md from what was written with `--json`.
 One thread, CPU time, candidates interleaved;
 exit code 1 if a promised ratio was missed.
 """
@@ -18,12 +19,12 @@ from pathlib import Path
 from benchmarks.comparison import Result, run
 
 #: Modules of this folder that compare nothing.
-OTHERS = ("__main__", "comparison", "league", "live_soak", "samples")
+OTHERS = ("__main__", "comparison", "league", "live_soak", "page", "samples")
 
 
 def main() -> int:
     """Run, print, and tell whether every promise was kept."""
-    if sys.argv[1:2] in (["league"], ["samples"]):
+    if sys.argv[1:2] in (["league"], ["page"], ["samples"]):
         return importlib.import_module(f"benchmarks.{sys.argv[1]}").main(sys.argv[2:])
     package = Path(__file__).parent
     found = [m.name for m in pkgutil.iter_modules([str(package)]) if m.name not in OTHERS]
@@ -43,7 +44,13 @@ def main() -> int:
             _show(results[-1])
     if arguments.json:
         figures = [
-            {"title": r.comparison.title, "ours": r.comparison.ours, "cpu_s": r.seconds, "peak_mb": r.peak}
+            {
+                "title": r.comparison.title,
+                "ours": r.comparison.ours,
+                "promised": r.comparison.targets,
+                "cpu_s": {name: [round(each, 4) for each in all_] for name, all_ in r.seconds.items()},
+                "peak_mb": r.peak,
+            }
             for r in results
         ]
         arguments.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

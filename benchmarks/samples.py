@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
     if given.json:
         given.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     if given.plot:
-        _draw(found, given.plot)
+        draw(found, given.plot)
     return 0
 
 
@@ -88,7 +88,8 @@ def measured(command: list[str]) -> dict[str, float]:
     return {"cpu_s": seconds, "peak_mb": megabytes}
 
 
-def _draw(found: list[dict[str, Any]], path: Path) -> None:
+def draw(found: list[dict[str, Any]], path: Path) -> None:
+    """The figure of the page."""
     import matplotlib
 
     matplotlib.use("Agg")
