@@ -43,7 +43,7 @@ SETTLING_SIZE_PRIOR = (0.15, 0.3, 0.5, 0.05)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
-WALK, WALK_SIZES, WALK_MODES = 0.004, (3.0, 10.0), 6
+WALK, WALK_SIZES, WALK_MODES = 0.01, (3.0, 10.0), 6
 #: Yaw of the platform: probability, rms, rad, and correlation time over the duration.
 YAW = 0.2
 YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
