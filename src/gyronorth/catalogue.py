@@ -171,6 +171,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "rate_conflict", "warning", "two rates", "Clock, configuration, declaration or table tell other rates."
     ),
+    FindingInfo("rate_assumed", "warning", "rate assumed", "The frames do not say at which rate they come."),
     FindingInfo("units_assumed", "warning", "units assumed", "The frames do not say in which units they are."),
     FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
     FindingInfo("force_left_out", "warning", "force left out", "Specific force comes less often than the rate."),
@@ -186,6 +187,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "profile_bounds", "warning", "profile of bounds", "The profile holds upper bounds in place of figures."
     ),
+    FindingInfo("coarse", "warning", "coarse output", "The rate is rounded to steps above its noise."),
     FindingInfo("frozen", "warning", "output does not change", "The gyro's output does not change for a while."),
     FindingInfo("simulated_noise", "warning", "simulated noise", "The biases are real, the noise is simulated."),
     FindingInfo("log_time_used", "warning", "recorder's time used", "The messages carry no time of their own."),
@@ -223,6 +225,7 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("npy", "NumPy .npy", _FORMATS + "npy", (".npy",)),
     FormatInfo("hdf5", "HDF5", _FORMATS + "hdf5", (".h5", ".hdf5"), (".h5", ".hdf5"), extra="io", takes_variable=True),
     FormatInfo("parquet", "Parquet", _FORMATS + "parquet", (".parquet",), (".parquet",), extra="io"),
+    FormatInfo("feather", "Feather", _FORMATS + "tables", (".feather", ".arrow"), extra="io", takes_variable=True),
     FormatInfo(
         "rosbag1", "ROS 1 bag", _FORMATS + "rosbag", (".bag",), (".bag",), "io", takes_columns=False, takes_topic=True
     ),

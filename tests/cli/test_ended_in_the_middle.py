@@ -17,6 +17,7 @@ COMMANDS = [
     SIMULATE,
     "allan rec.csv --force -o out.json",
     "heading rec.csv --csv out.csv",
+    "import rec.csv --yes --axes frd --force -o other.npz --save-preset out.json",
     "calibrate swing --latitude 45 --force -o out.json",
 ]
 #: Their libraries take seconds to load.
@@ -50,7 +51,10 @@ def test_the_old_file_is_whole(folder, command, how):
     output = folder / command.split()[-1]
     output.write_text("before")
     before = sorted(path.name for path in folder.iterdir())
-    status, _ = ended(command.split(), folder, **({"room": 100} if how == "full" else {"by": how}))
+    status, _ = ended(
+        command.split(), folder, **({"room": 100} if how == "full" else {"by": how, "before": output.name})
+    )
+    (folder / "other.npz").unlink(missing_ok=True)
     if how == "full":
         assert (os.WIFEXITED(status), os.WEXITSTATUS(status)) == (True, 2)
     else:
@@ -64,3 +68,13 @@ def test_the_old_file_is_whole(folder, command, how):
         assert not left
     for path in (*left, output):
         path.unlink()
+
+
+@pytest.mark.parametrize(
+    "how", ["SIGTERM", *(pytest.param(how, marks=pytest.mark.long) for how in ("SIGKILL", "full"))]
+)
+def test_a_folder_is_there_when_it_is_whole(tmp_path, how):
+    command = "published --rate 0.2 -o out"
+    status, _ = ended(command.split(), tmp_path, **({"room": 100} if how == "full" else {"by": how, "before": "out"}))
+    assert (os.WIFEXITED(status) and os.WEXITSTATUS(status) == 2) if how == "full" else os.WIFSIGNALED(status)
+    assert all(path.name.startswith(".") and how == "SIGKILL" for path in tmp_path.iterdir())

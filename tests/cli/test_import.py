@@ -87,6 +87,6 @@ def test_nothing_is_overwritten_without_force(tmp_path, unstated):
     taken.write_text("mine")
     result = run(unstated, "--yes", "--axes", "rfu")
     assert (result.exit_code, taken.read_text()) == (2, "mine")
-    assert "is there already" in result.stderr
+    assert "exists. Give another name" in result.stderr
     assert run(unstated, "--yes", "--axes", "rfu", "--force").exit_code == 0
     assert len(read(taken).gyro_b) == len(GYRO)

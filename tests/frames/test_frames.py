@@ -103,7 +103,7 @@ def test_only_other_messages_are_an_input_error(name):
 
 
 @CASE
-@pytest.mark.parametrize("size", [1, 97, None])
+@pytest.mark.parametrize("size", [1, None, pytest.param(97, marks=pytest.mark.long)])
 def test_pieces_give_what_the_whole_gives(name, size):
     case, rng = made(name, 80), np.random.default_rng(9)
     frames = [frame if i % 31 else b"\x00noise" + frame[:-3] for i, frame in enumerate(case.frames)]

@@ -101,7 +101,7 @@ def test_a_broken_cable_of_a_unit_without_time_begins_files_that_replay_by_thems
         open_source(str(tmp_path / "rec.2.bin"), options, speed=1000.0), replace(session.settings, save=None)
     )
     again.start()
-    assert again.ended.wait(30)
+    assert again.ended.wait(90)
     again.close()
     assert again.status.measured is not None
     assert session.status.measured is not None
@@ -133,7 +133,7 @@ def test_start_begins_a_capture_of_what_comes_after(monkeypatch, tmp_path):
     source = Played(*pieces(data[:cut]), 0.2, begin, *pieces(data[cut:]))
     session.append(Session(source, LiveSettings(options, method="mean", save=tmp_path / "rec.csv")))
     session[0].start()
-    assert session[0].ended.wait(30)
+    assert session[0].ended.wait(90)
     session[0].close()
     status = session[0].status
     assert status.measured is not None
@@ -179,3 +179,18 @@ def test_a_unit_set_to_another_rate_begins_a_new_stretch_whose_file_replays(monk
     replayed = gn.read(tmp_path / "rec.2.bin", options)
     assert len(replayed.gyro_b) == len(recorded.gyro_b) > 2000
     assert replayed.gyro_b == pytest.approx(recorded.gyro_b, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["stim", "sbg-short"])
+def test_a_wrong_rate_is_told_and_not_taken(name, monkeypatch, tmp_path):
+    """A configuration and a clock know better than a declaration, in a file and on the cable."""
+    case, options = unit(name, monkeypatch)
+    data = case.preamble + b"".join(case.frames)
+    (tmp_path / "unit.bin").write_bytes(data)
+    wrong = replace(options, rate_hz=case.rate_hz / 2)
+    read = gn.read(tmp_path / "unit.bin", wrong)
+    status = session_of(*pieces(data), reading=wrong).status
+    assert status.measured is not None
+    assert (read.rate_hz, status.rate_hz) == (case.rate_hz, case.rate_hz)
+    for warnings in (read.notes, status.measured.warnings):
+        assert "rate_conflict" in {warning.code for warning in warnings}

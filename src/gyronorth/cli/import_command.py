@@ -47,8 +47,8 @@ def import_file(
 
     output = output or source.with_name(f"{source.stem}{IMPORTED}")
     preset = None if save_preset is None else Path(save_preset).with_suffix(".json")
-    check_outputs({"-o": (output, RECORDING_SUFFIXES), "--save-preset": (preset, (".json",))}, source=source)
-    _refuse_to_overwrite([output, *([preset] if preset else [])], force=force)
+    outputs = {"-o": (output, RECORDING_SUFFIXES), "--save-preset": (preset, (".json",))}
+    check_outputs(outputs, source=source, kept=() if force else outputs)
     asks = not yes and _can_ask()
     options, description = _described(source, reading, yes=yes, asks=asks)
     print_evidence(description, options.latitude, sys.stdout)
@@ -68,14 +68,6 @@ def import_file(
 def _can_ask() -> bool:
     """Whether somebody sits at a terminal."""
     return sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty()
-
-
-def _refuse_to_overwrite(paths: list[Path], *, force: bool) -> None:
-    from gyronorth.errors import InputError
-
-    for path in paths:
-        if path.exists() and not force:
-            raise InputError(f"{path} is there already. Choose another name, or pass --force to overwrite it.")
 
 
 def _described(source: Path, options: ReadOptions, *, yes: bool, asks: bool) -> tuple[ReadOptions, Description]:

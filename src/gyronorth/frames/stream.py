@@ -34,15 +34,12 @@ _CHANGED = Finding(
     "configuration_changed",
     "The unit sent another configuration than at the start; its ranges and units are taken from there on.",
 )
-
-
 _RATE = "The unit sends at another rate than before, as {} shows; this one is taken from there on."
+_ASSUMED = "The frames carry no time: their rate is taken as {:g} Hz, which is usual for the unit. Declare --rate HZ."
 _OTHER_LAYOUT = Finding(
     "layout_changed",
     "The unit sends its inertial data in another layout than before; this one is taken from there on.",
 )
-
-
 _SLOWER_FORCE = Finding(
     "force_left_out",
     "The unit sends specific force less often than the rate, or in other messages; it is left out, and roll and pitch "
@@ -303,6 +300,8 @@ class FrameStream:
         if not known:
             return
         self._rate, self._rate_from = known[0]
+        if len(known) == 1 and self._rate_from == told[-1][1]:
+            self._tell(Finding("rate_assumed", _ASSUMED.format(self._rate), value=self._rate))
         for rate, source in known[1:]:
             usual_only = self._rate_from == "declared"  # what is usual says nothing against a declaration
             if not usual_only and abs(rate / self._rate - 1) > RATE_CONFLICT:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -88,9 +89,11 @@ def public_set(folder: str) -> PublicSet:
     """
     from gyronorth.attitude import level, mat_lb
     from gyronorth.conditioning import decimated
-    from gyronorth.readers import read
+    from gyronorth.readers import read, recordings_in
 
-    named = sorted(Path(folder).rglob("x_*.csv"))
+    named: list[Path] = []
+    with suppress(InputError):  # what was expected is said below
+        named = sorted(path for path in recordings_in(folder) if path.match("x_*.csv"))
     paths = [path for path in named if _RECORDING.fullmatch(path.name)]
     if not paths:
         raise InputError(

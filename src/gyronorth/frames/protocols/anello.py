@@ -21,9 +21,8 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
-from gyronorth.frames.checksums import xor_8
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync
-from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts
+from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, xor_holds
 
 _NAME = b"#APIMU,"
 _LONGEST = 256
@@ -39,19 +38,12 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
     return line_starts(data, at_sync(data, b"#AP"), 2, _LONGEST)
 
 
-def _whole(rows: Bytes) -> Mask:
-    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
-
-
 def _layouts(rows: Bytes) -> Index:
-    if rows.shape[1] < len(_NAME):
-        return np.full(len(rows), OTHER, np.int64)
-    named = (rows[:, : len(_NAME)] == np.frombuffer(_NAME, np.uint8)).all(axis=1)
-    fields = (rows == ord(",")).sum(axis=1)
-    short = np.flatnonzero(named & ((fields == _SHORTEST_OF_THREE) | (fields == _SHORTEST_OF_THREE + 1)))
+    fields = commas_if_named(rows, _NAME)
+    short = np.flatnonzero((fields == _SHORTEST_OF_THREE) | (fields == _SHORTEST_OF_THREE + 1))
     if len(short):
         fields[short[_three_alike(rows[short])]] += _SHORT
-    return np.where(named & (fields >= min(_ONE)), fields, OTHER)
+    return np.where(fields >= min(_ONE), fields, OTHER)
 
 
 def _three_alike(lines: Bytes) -> Mask:
@@ -93,5 +85,5 @@ def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
 
 
 PROTOCOL = Protocol(
-    "anello", 3, _starts, _whole, _layouts, _fields, scale=_scale, line_ends=True, lines=lambda _layout: True
+    "anello", 3, _starts, xor_holds, _layouts, _fields, scale=_scale, line_ends=True, lines=lambda _layout: True
 )

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gyronorth.arrays import Array, Index
+from gyronorth.arrays import Array, Index, Mask
+from gyronorth.frames.checksums import xor_8
 from gyronorth.frames.protocol import Bytes
 
 _HEX = np.full(256, -1, np.int64)
@@ -39,6 +40,19 @@ def hex_at_end(rows: Bytes, digits: int) -> Index:
     values = _HEX[rows[:, -digits:]]
     number = (values << (4 * np.arange(digits - 1, -1, -1))).sum(axis=1)
     return np.where((values >= 0).all(axis=1), number, -1)
+
+
+def xor_holds(rows: Bytes) -> Mask:
+    """Whether the two digits behind the asterisk are the XOR of all characters between the first one and it, (n,)."""
+    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
+
+
+def commas_if_named(rows: Bytes, name: bytes) -> Index:
+    """Commas of each line that begins with a name, (n,); -1 where it does not."""
+    if rows.shape[1] < len(name):
+        return np.full(len(rows), -1, np.int64)
+    named = (rows[:, : len(name)] == np.frombuffer(name, np.uint8)).all(axis=1)
+    return np.where(named, (rows == ord(",")).sum(axis=1), -1)
 
 
 def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: int = 0) -> Array:
