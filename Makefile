@@ -83,7 +83,7 @@ release-check: .venv/.all
 
 # The fast tests with the lower bounds of pyproject.toml, in an environment of their own. Old packages warn of newer
 # Pythons; tests that repeat a seed's figures run only with the pinned numpy.
-OLDEST := numpy==1.26.0 scipy==1.15.0 typer==0.17.5 rich==13.7.0 pydantic==2.7.0 matplotlib==3.8.0 jinja2==3.1.0 h5py==3.11.0 pyarrow==17.0.0 rosbags==0.11.0 mcap==1.6.0 openpyxl==3.1.0 zstandard==0.22.0 onnxruntime==1.18.0
+OLDEST := numpy==1.26.0 scipy==1.15.0 typer==0.17.5 rich==13.7.0 pydantic==2.7.0 matplotlib==3.8.0 jinja2==3.1.0 h5py==3.11.0 pyarrow==17.0.0 rosbags==0.11.0 mcap==1.6.0 openpyxl==3.1.0 zstandard==0.22.0 onnxruntime==1.18.0 pymseed==1.0.0
 oldest:
 	rm -rf out/oldest && mkdir -p out && python3.11 -m venv out/oldest
 	out/oldest/bin/pip install -q $(OLDEST) -e ".[report,io,learned]" hatchling pytest pytest-xdist pytest-benchmark hypothesis jsonschema pynmeagps pyyaml

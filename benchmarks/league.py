@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import argparse
 import csv
+import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
 from math import degrees, hypot
 from pathlib import Path
 
@@ -89,21 +91,19 @@ def sets(runs: int) -> list[Recordings]:
         )
         assert accel_b is not None
         found.append(Recordings(name, read_sensor(name), LATITUDE, RATE_HZ, gyro_b, accel_b, heading))
-    twin = published_twin(rng=rng)
-    accel_b = np.broadcast_to([0.0, 0.0, -STANDARD_GRAVITY], twin.gyro_l.shape)
-    some = slice(None, runs)
-    found.append(
-        Recordings(
-            "published",
-            read_sensor("sdc500"),
-            PUBLISHED_LATITUDE,
-            3.0,
-            twin.gyro_l[some],
-            accel_b[some],
-            twin.heading_true[some],
-        )
-    )
+    found.append(published(runs, rng=rng))
     return found
+
+
+def published(runs: int, *, rng: np.random.Generator) -> Recordings:
+    """Mean rates of real recordings, level, with the white noise of both sensors of the profile."""
+    drawn = published_twin(rng=rng)
+    sensor, rate_hz, some = read_sensor("sdc500"), 3.0, slice(None, runs)
+    gyro_b = drawn.gyro_l[some]
+    accel_b = np.array([0.0, 0.0, -STANDARD_GRAVITY]) + rng.normal(
+        scale=sensor.accel.white * np.sqrt(rate_hz), size=gyro_b.shape
+    )  # without it StaticAlignment of navtk, which weighs by the scatter, gives no alignment
+    return Recordings("published", sensor, PUBLISHED_LATITUDE, rate_hz, gyro_b, accel_b, drawn.heading_true[some])
 
 
 def real_sets(folder: Path) -> list[Recordings]:
@@ -340,20 +340,41 @@ def first(data: Recordings, count: int) -> Recordings:
 
 
 def table(rows: list[dict[str, object]]) -> str:
-    """The rows as Markdown."""
+    """The rows as Markdown: a set is named in its first row, and a program that got less than the set says how many."""
     lines = [
         "| recordings | program | error | claimed sigma | truth in its 95 % | refused | CPU |",
         "|---|---|---|---|---|---|---|",
     ]
+    whole: dict[object, object] = {}
     for line in rows:
+        name, count = line["set"], line["recordings"]
+        heading = "" if name in whole else f"**{name}** ({count})"
         share = "no sigma" if _missing(line["truth_in_95"]) else f"{100 * float(str(line['truth_in_95'])):.0f} %"
         sigma = "none" if _missing(line["sigma_deg"]) else f"{line['sigma_deg']:.3g}"
         error = "none" if _missing(line["error_deg"]) else f"{line['error_deg']:.3g}"
+        some = "" if count == whole.setdefault(name, count) else f" (first {count})"
         lines.append(
-            f"| {line['set']} ({line['recordings']}) | {line['program']} | {error} | {sigma} | {share} | "
+            f"| {heading} | {line['program']}{some} | {error} | {sigma} | {share} | "
             f"{100 * float(str(line['refused'])):.0f} % | {line['cpu_s']:.2f} s |"
         )
     return "\n".join(lines) + "\n"
+
+
+def origin(runs: int) -> str:
+    """What made the figures: seed, commit, versions."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=10"]
+    described = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    packages = ("gyronorth", "navtk", "python-ins", "ahrs", "numpy")
+    versions = ", ".join(f"{name} {version(name)}" for name in packages if _installed(name))
+    return f"Seed {SEED}, {runs} recordings of a simulated set, commit {described or 'unknown'}; {versions}.\n"
+
+
+def _installed(name: str) -> bool:
+    """Whether a package is installed."""
+    try:
+        return bool(version(name))
+    except PackageNotFoundError:
+        return False
 
 
 def _missing(value: object) -> bool:
@@ -379,5 +400,5 @@ def main(words: list[str]) -> int:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    (chosen.output / "league.md").write_text(table(rows), encoding="utf-8")
+    (chosen.output / "league.md").write_text(f"{table(rows)}\n{origin(chosen.runs)}", encoding="utf-8")
     return 0

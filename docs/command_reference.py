@@ -16,10 +16,10 @@ from gyronorth.cli.app import PANEL, commands
 from gyronorth.cli.options import FILE
 from gyronorth.cli.tasks import ABOUT
 
-PAGE = "reference/commands.md"
-INTRODUCTION = """# Command reference
+FOLDER = "reference/commands"
+INTRODUCTION = """# Commands
 
-Made from the program itself when these pages are built; `gyronorth COMMAND --help` prints the same.
+`gyronorth COMMAND --help` prints what these pages say; they are made from the program itself.
 
 Every command ends with exit code 0 when the work is done. It ends with 2 when something is wrong with the input or
 the options: one message on standard error, nothing half-written. `heading` and `live` have one more:
@@ -30,20 +30,40 @@ OTHERS = "Options"
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the page to those of the site."""
-    files.append(File.generated(config, PAGE, content=reference()))
+    """Add the pages to those of the site."""
+    for name, text in pages().items():
+        files.append(File.generated(config, name, content=text))
     return files
 
 
-def reference() -> str:
-    """The page, Markdown."""
+def pages() -> dict[str, str]:
+    """File name -> Markdown: one page for each task, and one with the options that commands share."""
     found = commands()
     shared: dict[str, Any] = {}
-    lines = [line for name in found for line in command(name, found[name], shared)]
+    tasks: dict[str, list[str]] = {}
+    rows = []
+    for name in sorted(found, key=order):
+        task = ABOUT[name][0]
+        tasks.setdefault(task, []).extend(command(name, found[name], shared))
+        about = " ".join(found[name].help.strip().partition("\n\n")[0].split()).rstrip(".")
+        rows.append(f"| [`{name}`](commands/{slug(task)}.md#gyronorth-{name}) | {about} |")
     every = [option for option in found["heading"].params if getattr(option, "rich_help_panel", "") == PANEL]
-    lines += [f"## {PANEL}\n", "These belong to every command.\n", *table(PANEL, every)]
-    return "\n".join([INTRODUCTION, *lines, f"## {FILE}\n", "These belong to every command that reads recordings.\n",
-                      *table(FILE, list(shared.values()))])  # fmt: skip
+    overview = [INTRODUCTION, "| command | what it does |\n|---|---|", *rows, "",
+                f"## {PANEL}\n", "These belong to every command.\n", *table(PANEL, every),
+                f"## {FILE}\n", "These belong to every command that reads recordings.\n",
+                *table(FILE, list(shared.values()))]  # fmt: skip
+    written = {f"{FOLDER}/{slug(task)}.md": "\n".join([f"# {task}\n", *lines]) for task, lines in tasks.items()}
+    return {f"{FOLDER}.md": "\n".join(overview), **written}
+
+
+def order(name: str) -> int:
+    """Place of a command in the help."""
+    return list(ABOUT).index(name)
+
+
+def slug(title: str) -> str:
+    """A title as it stands in an address."""
+    return title.lower().replace(" ", "_")
 
 
 def command(name: str, found: Any, shared: dict[str, Any]) -> Iterator[str]:
@@ -55,7 +75,7 @@ def command(name: str, found: Any, shared: dict[str, Any]) -> Iterator[str]:
     yield f"## gyronorth {name}\n"
     yield "```text\n" + " ".join([*words, "[OPTIONS]"]) + "\n```\n"
     yield re.sub(r"(?<=\S)\n(?=\S)", " ", found.help.strip()) + "\n"
-    _, examples = ABOUT.get(name, (None, ()))
+    _, examples = ABOUT[name]
     if examples:
         yield "```text\n" + "\n".join(examples) + "\n```\n"
     panels: dict[str, list[Any]] = {"Arguments": arguments} if arguments else {}
@@ -67,7 +87,7 @@ def command(name: str, found: Any, shared: dict[str, Any]) -> Iterator[str]:
     for panel, parameters in panels.items():
         yield from table(panel, parameters)
     if about_file:
-        yield f"Also the options of [how the file is read](#{FILE.lower().replace(' ', '-')}).\n"
+        yield f"Also the options of [how the file is read](../commands.md#{FILE.lower().replace(' ', '-')}).\n"
 
 
 def table(title: str, parameters: list[Any]) -> Iterator[str]:

@@ -81,7 +81,7 @@ def section(study: Study, benchmark: str) -> str:
     plan = StudyPlan(**study["plan"])
     tables = [NAMED[name].markdown(table_of(table), plan).strip() for table in study["tables"]]
     lines += [folded("How it was made", [study["text"]]), folded(f"Tables ({len(tables)})", tables)]
-    if NAMED[name].described is None and study["recordings"] != "published twin":
+    if NAMED[name].described is None and study["recordings"] != "published reconstruction":
         raise SystemExit(f"{name} was run on recordings of somebody's own; pages are made from the shipped data.")
     lines.append(
         f"Made by `{study['command']}`: seed {study['seed']}, commit `{study['commit'][:12]}`, "

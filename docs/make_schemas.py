@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from gyronorth.alignment.networks.bundle import Bundle
 from gyronorth.documents import DOCUMENTS
-from gyronorth.sensor.profiles import Profile
+from gyronorth.sensor.profile_schema import Profile
 
 FOLDER = Path(__file__).parents[1] / "src/gyronorth/schemas"
 

@@ -1,7 +1,7 @@
 """A hook of the documentation: tables that come from elsewhere when the pages are built.
 
-`<!-- from README: NAME -->` stands for what lies between the marks of NAME in README.md, and
-`<!-- tests -->` for a table of the test files, counted in their source.
+`<!-- from README: NAME -->` stands for what lies between the marks of NAME in README.md,
+`<!-- tests -->` for a table of the test files, counted in their source, and `<!-- changes -->` for CHANGELOG.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ ORACLES = {
 def on_page_markdown(markdown: str, **_: object) -> str:
     """Put the tables into a page."""
     markdown = re.sub(r"<!-- from README: (\w+) -->", lambda found: of_readme(found[1]), markdown)
-    return markdown.replace("<!-- tests -->", tests()).replace("<!-- oracles -->", oracles())
+    for name, table in (("tests", tests), ("oracles", oracles), ("changes", changes)):
+        if f"<!-- {name} -->" in markdown:
+            markdown = markdown.replace(f"<!-- {name} -->", table())
+    return markdown
 
 
 def of_readme(name: str) -> str:
@@ -37,9 +40,22 @@ def of_readme(name: str) -> str:
     return re.sub(r"(?<=\d)-(?=\d)", "&#8209;", found[1])
 
 
+def changes() -> str:
+    """The changelog, each group of a version folded under its number of entries."""
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    return re.sub(r"^### ([^\n]+)\n(.*?)(?=^##|\Z)", folded, text, flags=re.MULTILINE | re.DOTALL)
+
+
+def folded(group: re.Match[str]) -> str:
+    """One group of changes."""
+    entries = len(re.findall(r"^- ", group[2], re.MULTILINE))
+    summary = f"<summary>{group[1]}: {entries} entries</summary>"
+    return f'<details markdown="1">\n{summary}\n\n{group[2].strip()}\n\n</details>\n\n'
+
+
 def test_files() -> list[Path]:
-    """The files of tests, those on recorded data last."""
-    return [*sorted((ROOT / "tests").glob("test_*.py")), *sorted((ROOT / "tests/real").glob("test_*.py"))]
+    """The files of tests, those in folders last."""
+    return sorted((ROOT / "tests").rglob("test_*.py"), key=lambda path: (len(path.parts), path))
 
 
 def test_functions(path: Path) -> Iterator[tuple[ast.FunctionDef, set[str]]]:
@@ -51,17 +67,19 @@ def test_functions(path: Path) -> Iterator[tuple[ast.FunctionDef, set[str]]]:
 
 
 def tests() -> str:
-    """Test files with what they are about and their number of tests."""
-    lines = ["| file | about | tests | of them with generated input | slow |", "|---|---|---|---|---|"]
-    total = [0, 0, 0]
+    """Tests by folder, and by file outside of folders, with their number."""
+    lines = ["| folder or file | files | tests | with generated input | slow or long |", "|---|---|---|---|---|"]
+    counts: dict[str, list[int]] = {}
     for path in test_files():
-        about = (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n")[0].replace("|", "\\|")
         marks = [marks for _, marks in test_functions(path)]
-        counts = [len(marks), sum("given" in each for each in marks), sum("slow" in each for each in marks)]
-        total = [sum(pair) for pair in zip(total, counts, strict=True)]
-        name = str(path.relative_to(ROOT / "tests"))
-        lines.append(f"| `{name}` | {about} | " + " | ".join(str(count or "") for count in counts) + " |")
-    return "\n".join([*lines, "| **all** | | " + " | ".join(f"**{count}**" for count in total) + " |"])
+        whole = re.search(r"^pytestmark = .*\b(slow|long)\b", path.read_text(), re.MULTILINE)
+        slow = sum(bool(whole or {"slow", "long"} & each) for each in marks)
+        found = [1, len(marks), sum("given" in each for each in marks), slow]
+        name = path.relative_to(ROOT / "tests").parts[0]
+        counts[name] = [sum(pair) for pair in zip(counts.get(name, [0] * 4), found, strict=True)]
+    lines += [f"| `{name}` | " + " | ".join(str(n or "") for n in found) + " |" for name, found in counts.items()]
+    total = [sum(column) for column in zip(*counts.values(), strict=True)]
+    return "\n".join([*lines, "| **all** | " + " | ".join(f"**{count}**" for count in total) + " |"])
 
 
 def oracles() -> str:

@@ -10,7 +10,7 @@ import gyronorth as gn
 from gyronorth.angles import DEG_PER_HOUR, angle_error
 from gyronorth.simulation import Motion
 
-RUNS = 20
+RUNS = 10
 scene = {"latitude": radians(48), "heading": radians(120), "rate_hz": 10}
 half_turn = Motion(turns=((100.0, 10.0, np.pi),))  # after 100 s, within 10 s, clockwise
 

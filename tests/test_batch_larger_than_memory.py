@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,3 +41,33 @@ def test_what_is_not_finite_is_named_by_its_place(monkeypatch):
     gyro[5, 20, 1] = np.nan
     with pytest.raises(InputError, match=r"gyro_b\[5, 20, 1\] is nan"):
         pipeline.heading_batch(gyro, rate_hz=10.0, latitude=0.6)
+
+
+def test_parts_of_an_iterator_and_a_dataset_give_the_headings_of_the_whole(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    rng = np.random.default_rng(5)
+    gyro_b = rng.normal((5e-5, 1e-5, -5e-5), 1e-6, (7, 120, 3))
+    accel_b = rng.normal((0.1, -0.2, -9.8), 1e-3, gyro_b.shape)
+    known: dict[str, Any] = {"rate_hz": 2.0, "latitude": 0.8, "sensor": "sdc500"}
+    whole = pipeline.heading_batch(gyro_b, accel_b, **known)
+    parts = pipeline.heading_batch(
+        (gyro_b[i : i + 3] for i in (0, 3, 6)), iter([accel_b[:3], accel_b[3:6], accel_b[6:]]), **known
+    )
+    with h5py.File(tmp_path / "rates.h5", "w") as file:
+        stored = pipeline.heading_batch(
+            file.create_dataset("gyro", data=gyro_b), file.create_dataset("f", data=accel_b), **known
+        )
+    for other in (parts, stored):
+        np.testing.assert_array_equal(other.heading, whole.heading)
+        np.testing.assert_array_equal(other.sigma, whole.sigma)
+
+
+def test_parts_without_their_partner_are_refused():
+    part = np.ones((2, 120, 3))
+    known: dict[str, Any] = {"rate_hz": 2.0, "latitude": 0.8}
+    with pytest.raises(InputError, match="One of gyro_b and accel_b is an iterator"):
+        pipeline.heading_batch(iter([part]), part, **known)
+    with pytest.raises(ValueError, match="is expected of both"):
+        pipeline.heading_batch(iter([part, part]), iter([part]), **known)
+    with pytest.raises(InputError, match="holds no recordings"):
+        pipeline.heading_batch(iter([]), **known)

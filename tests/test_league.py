@@ -47,7 +47,9 @@ def test_a_row_counts_errors_claims_and_refusals():
     assert row["truth_in_95"] == pytest.approx(2 / 3)
     assert row["refused"] == pytest.approx(1 / 4)
     line = league.table([row]).splitlines()[-1]
-    assert line.startswith("| rest (4) | test | 3 | 1.73 | 67 % | 25 % |")
+    assert line.startswith("| **rest** (4) | test | 3 | 1.73 | 67 % | 25 % |")
+    fewer = league.table([row, {**row, "program": "slow", "recordings": 2}]).splitlines()[-1]
+    assert fewer.startswith("|  | slow (first 2) | 3 |")
 
 
 def test_the_sets_are_those_of_their_seed():
@@ -72,6 +74,11 @@ def test_every_program_answers(program):
     row = league.row(data, program)
     assert row["recordings"] == 1
     assert row["error_deg"] < 20
+
+
+def test_seed_and_versions_stand_below_the_table():
+    assert "Seed 20261128, 60 recordings of a simulated set, commit " in league.origin(60)
+    assert f"numpy {np.__version__}" in league.origin(60)
 
 
 def test_real_recordings_are_cut_into_pieces(real_data):

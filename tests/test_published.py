@@ -1,4 +1,4 @@
-"""The published twin: printed means kept, noise of the size that explains the printed growth."""
+"""The published reconstruction: printed means kept, noise of the size that explains the printed growth."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_noise_of_windows_has_the_bridged_variance(twin):
 
 
 def test_crmse_grows_towards_short_windows_as_fitted():
-    # Mean square over 20 twins against printed bias plus noise; 60 x 23 x 20 windows know it to about 2 %.
+    # Mean square over 20 draws against printed bias plus noise; 60 x 23 x 20 windows know it to about 2 %.
     fit, base = fit_noise(), np.degrees(cyclic_rmse(angle_error(published().heading_mean, published().heading_true)))
     curves = [
         duration_curve(published_twin(rng=child), np.array([10.0])) for child in np.random.default_rng(1).spawn(20)

@@ -52,7 +52,7 @@ def study(folder, **changes):
         "commit": "0123456789abcdef",
         "command": "gyronorth benchmark paper --study t_back -o FOLDER",
         "plan": {"seed": 3},
-        "recordings": "published twin",
+        "recordings": "published reconstruction",
         "text": "What was done.",
         "tables": [{"title": "mixed: 100 s", "columns": ["method", "ratio", "inside"], "rows": [row], "note": "n"}],
         "curves": {
@@ -88,7 +88,7 @@ def test_page_is_filled_from_the_files(results, tmp_path):
     verdicts = [line.split(" | ")[3].rstrip(" |") for line in text.splitlines() if line.startswith("| it ")]
     assert verdicts == [
         "holds",
-        "cannot be told",
+        "undecided",
         "**does not hold**",
         "holds",
         "**does not hold**",

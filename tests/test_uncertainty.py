@@ -39,7 +39,7 @@ def test_quantiles_are_those_of_their_laws():
 
 
 @pytest.mark.parametrize("weighting", list(WEIGHTS))
-@settings(max_examples=12)
+@settings(max_examples=5)
 @given(ratio=floats(0.01, 2000))
 def test_gauss_markov_variance_is_the_double_integral(weighting, ratio):
     # E[(integral of w b)^2] with E[b(t) b(t')] = v exp(-|t - t'| / tau), integrated on a triangle.

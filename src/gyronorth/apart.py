@@ -12,7 +12,6 @@ import math
 import os
 import pickle
 import signal
-import socket
 import struct
 import threading
 import warnings
@@ -20,9 +19,12 @@ import weakref
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gyronorth.errors import InputError
+
+if TYPE_CHECKING:
+    import socket
 
 #: What answers requests: made in the child, called there.
 Service = Callable[[Any], Any]
@@ -56,6 +58,8 @@ class Apart:
         if not hasattr(os, "fork"):
             self._inside = make()
             return
+        import socket
+
         ours, theirs = socket.socketpair()
         with warnings.catch_warnings():
             # The child takes no lock but those that fork leaves open, and runs nothing that is running here.

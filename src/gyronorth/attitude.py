@@ -61,14 +61,13 @@ def mat_lb(roll: ArrayLike, pitch: ArrayLike) -> Array:
 
 def mat_bn(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array:
     """Rotation from the navigation to the body frame, shape (..., 3, 3) (the paper's eq:2)."""
-    roll, pitch, heading = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (roll, pitch, heading)))
+    roll, pitch, heading = (np.asarray(a, dtype=float) for a in (roll, pitch, heading))
     sr, cr, sp, cp, sh, ch = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.sin(heading), np.cos(heading)
-    rows = [
-        [cp * ch, cp * sh, -sp],
-        [sr * sp * ch - cr * sh, sr * sp * sh + cr * ch, sr * cp],
-        [cr * sp * ch + sr * sh, cr * sp * sh - sr * ch, cr * cp],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    mat = np.empty((*np.broadcast(roll, pitch, heading).shape, 3, 3))
+    mat[..., 0, 0], mat[..., 0, 1], mat[..., 0, 2] = cp * ch, cp * sh, -sp
+    mat[..., 1, 0], mat[..., 1, 1], mat[..., 1, 2] = sr * sp * ch - cr * sh, sr * sp * sh + cr * ch, sr * cp
+    mat[..., 2, 0], mat[..., 2, 1], mat[..., 2, 2] = cr * sp * ch + sr * sh, cr * sp * sh - sr * ch, cr * cp
+    return mat
 
 
 def cross_matrix(vector: ArrayLike) -> Array:

@@ -171,12 +171,14 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "rate_conflict", "warning", "two rates", "Clock, configuration, declaration or table tell other rates."
     ),
+    FindingInfo("rate_assumed", "warning", "rate assumed", "The frames do not say at which rate they come."),
     FindingInfo("units_assumed", "warning", "units assumed", "The frames do not say in which units they are."),
     FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
-    FindingInfo("configuration_changed", "warning", "set anew", "The unit sent another configuration on the way."),
+    FindingInfo("force_left_out", "warning", "force left out", "Specific force comes less often than the rate."),
+    FindingInfo("configuration_changed", "warning", "reconfigured", "The unit sent another configuration on the way."),
     FindingInfo("layout_changed", "warning", "other messages", "The unit sends other messages than at the start."),
     FindingInfo("rate_changed", "warning", "another rate", "The unit was set to another rate on the way."),
-    FindingInfo("clock_set", "warning", "clock set anew", "The unit or its clock was set anew on the way."),
+    FindingInfo("clock_set", "warning", "clock reset", "The unit or its clock was reset on the way."),
     FindingInfo("cut_off", "warning", "file cut off", "The file states more samples than it has."),
     FindingInfo("alignment_offset", "warning", "alignment offset set", "The heading is the vehicle's, not the unit's."),
     FindingInfo("deviation_applied", "warning", "deviation curve applied", "The heading carries a unit's correction."),
@@ -185,6 +187,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo(
         "profile_bounds", "warning", "profile of bounds", "The profile holds upper bounds in place of figures."
     ),
+    FindingInfo("coarse", "warning", "coarse output", "The rate is rounded to steps above its noise."),
     FindingInfo("frozen", "warning", "output does not change", "The gyro's output does not change for a while."),
     FindingInfo("simulated_noise", "warning", "simulated noise", "The biases are real, the noise is simulated."),
     FindingInfo("log_time_used", "warning", "recorder's time used", "The messages carry no time of their own."),
@@ -222,12 +225,15 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("npy", "NumPy .npy", _FORMATS + "npy", (".npy",)),
     FormatInfo("hdf5", "HDF5", _FORMATS + "hdf5", (".h5", ".hdf5"), (".h5", ".hdf5"), extra="io", takes_variable=True),
     FormatInfo("parquet", "Parquet", _FORMATS + "parquet", (".parquet",), (".parquet",), extra="io"),
+    FormatInfo("feather", "Feather", _FORMATS + "tables", (".feather", ".arrow"), extra="io", takes_variable=True),
     FormatInfo(
         "rosbag1", "ROS 1 bag", _FORMATS + "rosbag", (".bag",), (".bag",), "io", takes_columns=False, takes_topic=True
     ),
     FormatInfo("rosbag2", "ROS 2 bag", _FORMATS + "rosbag", (".db3",), (), "io", takes_columns=False, takes_topic=True),
     FormatInfo("mcap", "MCAP", _FORMATS + "mcap", (".mcap",), (".mcap",), "io", takes_columns=False, takes_topic=True),
     FormatInfo("xlsx", "Excel .xlsx", _FORMATS + "workbook", (".xlsx",), extra="io", takes_variable=True),
+    FormatInfo("miniseed", "miniSEED", _FORMATS + "miniseed", (".mseed", ".miniseed"), extra="io", takes_variable=True),
+    FormatInfo("r", "data of R", _FORMATS + "r_data", (".rds", ".rda", ".rdata"), extra="r", takes_variable=True),
     FormatInfo("doubles", "binary rows of KF-GINS or PSINS", _FORMATS + "doubles", takes_columns=False),
     FormatInfo("frames", "capture of a unit's frames", _FORMATS + "frames", takes_columns=False),
 )
@@ -264,7 +270,7 @@ NMEA_SETS = {
     "standard": "HETHS, HEHDT, HEROT",
     "ths": "HETHS, HEROT",
     "hdt": "HEHDT, HEROT",
-    "octans": "HEHDT, PHTRO, PHINF",
+    "octans": "HEHDT, PHTRO, PHTRH (heave empty), PHINF",
 }
 #: Estimators that `allan --export` writes a profile for.
 ALLAN_EXPORTS = ("kalibr", "openvins", "kf-gins", "navtk")

@@ -156,7 +156,7 @@ class Noise:
 
 
 def noise_density(x: Array, *, rate_hz: float) -> Noise:
-    """White-noise density from two Allan variances, at short and at long averaging times.
+    """White-noise density of the mean of a record, from two Allan variances, at short and at long averaging times.
 
     Parameters
     ----------

@@ -120,7 +120,8 @@ def wilson(value: float, n: int) -> Interval:
     """A share of n independent tests with Wilson's 95 % interval ("Probable inference", JASA 22, 1927, 209-212)."""
     z = 1.96
     centre, half = (value + z**2 / (2 * n)), z * np.sqrt(value * (1 - value) / n + z**2 / (4 * n**2))
-    return Interval(value, float((centre - half) / (1 + z**2 / n)), float((centre + half) / (1 + z**2 / n)))
+    low, high = (centre - half) / (1 + z**2 / n), (centre + half) / (1 + z**2 / n)
+    return Interval(value, max(float(low), 0.0), min(float(high), 1.0))  # rounding may reach beyond both
 
 
 def share_of_wins(errors: Sequence[ArrayLike], references: Sequence[ArrayLike]) -> float:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +18,13 @@ from gyronorth.alignment.registry import Options
 from gyronorth.arrays import Array
 from gyronorth.catalogue import REASONS
 from gyronorth.conditioning import decimated
-from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, read_sensor
+
+if TYPE_CHECKING:
+    from gyronorth.deviation import DeviationModel
 
 #: Methods that `heading` offers.
 METHODS = tuple(registry.METHODS)
@@ -137,8 +140,8 @@ def _with_other_headings(found: HeadingEstimate, axes: str) -> HeadingEstimate:
 
 
 def heading_batch(
-    gyro_b: ArrayLike,
-    accel_b: ArrayLike | None = None,
+    gyro_b: ArrayLike | Iterator[ArrayLike],
+    accel_b: ArrayLike | Iterator[ArrayLike] | None = None,
     *,
     rate_hz: float,
     latitude: float,
@@ -150,10 +153,10 @@ def heading_batch(
 
     Parameters
     ----------
-    gyro_b, accel_b : array_like, shape (recordings, samples, 3)
+    gyro_b, accel_b : array_like, shape (recordings, samples, 3), or iterator of these
         Angular rate, rad/s, and specific force, m/s^2; without the latter the unit is taken
-        as level. Of any kind of real number, and larger than the memory where they are `numpy.memmap`: some
-        recordings are worked at a time, and no more of them is read.
+        as level. Of any kind of real number, and larger than the memory where they are a `numpy.memmap`, a dataset of
+        h5py or zarr, or an iterator of parts: some recordings are worked at a time, and no more of them is read.
     rate_hz : float
         Sample rate, Hz.
     latitude : float
@@ -173,10 +176,47 @@ def heading_batch(
     ------
     InputError
         If a value is not finite, there are no samples, the rate is not positive or the
-        latitude out of range, the method is unknown or needs an accelerometer.
+        latitude out of range, the method is unknown or needs an accelerometer; one of the two is an iterator and the
+        other is not, or ends before it.
     """
-    gyro = np.asarray(gyro_b)
-    accel = None if accel_b is None else np.asarray(accel_b)
+    known: dict[str, Any] = {"rate_hz": rate_hz, "latitude": latitude, "method": method, "model": model}
+    known["sensor"] = None if sensor is None else read_sensor(sensor)
+    pieces: list[HeadingBatch] = []
+    for gyro, accel in _parts_of(gyro_b, accel_b):
+        pieces += _batches(gyro, accel, **known)
+    if not pieces:
+        raise InputError("gyro_b holds no recordings; at least one is expected.")
+    return HeadingBatch(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in vars(pieces[0])))
+
+
+def _parts_of(gyro_b: Any, accel_b: Any) -> Iterator[tuple[Any, Any]]:
+    """Arrays of recordings, one after the other, of which parts can be had without the whole."""
+    if isinstance(gyro_b, Iterator) != isinstance(accel_b, Iterator) and accel_b is not None:
+        raise InputError("One of gyro_b and accel_b is an iterator of parts; both are expected to be, part for part.")
+    parts: Iterable[tuple[Any, Any]] = [(gyro_b, accel_b)]
+    if isinstance(gyro_b, Iterator):
+        each = cast("Iterator[Any]", gyro_b)
+        parts = ((part, None) for part in each) if accel_b is None else zip_longest(each, accel_b, fillvalue=())
+    for gyro, accel in parts:
+        yield _sliceable(gyro), None if accel is None else _sliceable(accel)
+
+
+def _sliceable(array: Any) -> Any:
+    """An array, or what is read in slices like one, as a dataset of h5py."""
+    return array if all(hasattr(array, name) for name in ("ndim", "shape", "size", "dtype")) else np.asarray(array)
+
+
+def _batches(
+    gyro: NDArray[Any],
+    accel: NDArray[Any] | None,
+    *,
+    rate_hz: float,
+    latitude: float,
+    sensor: Sensor | None,
+    method: str,
+    model: str | Path | None,
+) -> list[HeadingBatch]:
+    """Headings of the recordings of one array, some at a time."""
     if gyro.ndim != 3 or gyro.shape[-1] != 3 or (accel is not None and accel.shape != gyro.shape):
         raise ValueError(
             f"gyro_b has shape {gyro.shape}, accel_b {None if accel is None else accel.shape}; "
@@ -190,15 +230,14 @@ def heading_batch(
     _check_latitude(latitude)
     options = _options(model, None, None)
     _check_session(method, options)
-    profile = None if sensor is None else read_sensor(sensor)
     group = max(1, GROUP_SAMPLES // gyro.shape[1])
     pieces: list[HeadingBatch] = []
     for start in range(0, len(gyro), group):
         rate = _finite("gyro_b", gyro, start, group)
         force = None if accel is None else _finite("accel_b", accel, start, group)
-        problem = Problem(rate, force, rate_hz, latitude, profile)
+        problem = Problem(rate, force, rate_hz, latitude, sensor)
         pieces.append(verdict.batch(problem, registry.solve_batch(method, problem, options)))
-    return HeadingBatch(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in vars(pieces[0])))
+    return pieces
 
 
 def convergence(

@@ -1,4 +1,4 @@
-"""The published twin: 60 recordings with the real biases of an SDC500 and simulated noise.
+"""The published reconstruction: 60 recordings with the real biases of an SDC500 and simulated noise.
 
 The public notebooks of "Towards Learning-Based Gyrocompassing" (Engelsman and Klein, arXiv
 2312.12121; repository ansfl/Learning-Based-MEMS-Gyrocompassing) print, for 60 recordings of
@@ -96,7 +96,7 @@ class Twin:
             latitude=LATITUDE,
             heading_true=float(self.heading_true[index]),
             session=SESSION,
-            source=f"published twin, recording {index}",
+            source=f"published reconstruction, recording {index}",
             notes=(Note("simulated_noise", "The biases of this recording are real and its noise is simulated."),),
         )
 
@@ -158,7 +158,7 @@ def model_based(gyro_l: Array) -> Array:
 
 
 def duration_curve(twin: Twin, durations: Array) -> Array:
-    """Model-based CRMSE of the twin over windows of each duration, rad."""
+    """Model-based CRMSE of the reconstruction over windows of each duration, rad."""
     curve = []
     for duration in durations:
         gyro_l, truth, _ = twin.windows(float(duration))

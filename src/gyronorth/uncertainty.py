@@ -2,7 +2,7 @@
 
 Everything horizontal is expressed as a variance of the levelled mean rate per axis,
 (rad/s)^2; dividing by the horizontal Earth rate turns it into heading. The formulas are
-derived in docs/theory.md, section "Uncertainty".
+derived in docs/theory/uncertainty.md, section "Uncertainty".
 """
 
 from __future__ import annotations

@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 import json
-import shlex
 
 import numpy as np
 import pytest
-from cases.layouts import DPS, LAYOUTS, Layout
+from cases.layouts import DPS, LAYOUTS
 from cases.more_layouts import MORE
+from cases.running import followed, info
 from numpy.testing import assert_allclose
-from typer.testing import CliRunner
 
-from gyronorth.cli import app
 from gyronorth.earth import STANDARD_GRAVITY
 
-RUN = CliRunner()
 ALL = [*LAYOUTS, *MORE]
-
-
-def info(arguments):
-    return RUN.invoke(app, ["info", *arguments, "--json"], catch_exceptions=False)
-
-
-def followed(result, layout: Layout):
-    """Run the last line of a refusal, with what only the user knows."""
-    assert result.exit_code == 2
-    last = result.stderr.rstrip("\n").split("\n")[-1]
-    assert last.startswith("Try: gyronorth info ")
-    assert result.stderr.count("\n") == 2  # one message of two lines
-    words = shlex.split(last.removeprefix("Try: gyronorth "))
-    return RUN.invoke(app, [dict(layout.fill).get(word, word) for word in words], catch_exceptions=False)
 
 
 @pytest.mark.parametrize("layout", ALL, ids=lambda layout: layout.name)
@@ -38,7 +21,7 @@ def test_a_layout_gives_the_truth(tmp_path, layout):
     (tmp_path / layout.name).write_bytes(layout.content)
     result = info([str(tmp_path / layout.name), *layout.options])
     if layout.asks:
-        result = followed(result, layout)
+        result = followed(result, dict(layout.fill))
     assert result.exit_code == 0, result.stderr
     found = json.loads(result.stdout)
     assert found["samples"] == layout.rows

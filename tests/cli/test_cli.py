@@ -163,7 +163,8 @@ class TestHeading:
         assert code == 0
         assert doc["heading_deg"] == pytest.approx(ours["heading_deg"], abs=1e-6)
 
-    def test_report_lists_what_was_declared(self, rec, tmp_path):
+    def test_report_lists_what_was_declared(self, rec, tmp_path, monkeypatch):
+        monkeypatch.setattr("gyronorth.report.html.svg_text", lambda figure, salt: "")  # drawn in tests/report
         out = tmp_path / "out.html"
         declared = ("--window", "5:55", "--boresight", "0,0,90", "--gyro-bias", "0.1,0,0", "--roll", 2, "--pitch", -1)
         run("heading", rec, "--report", out, *declared)
@@ -510,10 +511,10 @@ class TestSensors:
 
 
 class TestProcess:
-    """Through the installed entry point, in a process of its own."""
+    """In a process of its own; `python -m gyronorth` is the command."""
 
     def start(self, *arguments, **options):
-        command = [sys.executable, "-m", "gyronorth.cli", *map(str, arguments)]
+        command = [sys.executable, "-m", "gyronorth", *map(str, arguments)]
         return subprocess.run(command, capture_output=True, text=True, **options)
 
     def test_without_standard_output(self, rec):

@@ -64,6 +64,20 @@ def test_examples_use_options_that_the_command_has(name):
         assert words[0] in help_text if words else True
 
 
+@pytest.mark.parametrize("name", [None, "heading"])
+def test_no_word_of_the_help_is_cut_in_a_narrow_terminal(name, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    said = run(*([name] if name else []), "--help").stdout
+    assert "…" not in said
+    assert "│" not in said
+    assert name or said.index("Find north:") < said.index("  explain") < said.index("Know your sensor:")
+
+
+def test_no_type_stands_behind_an_argument():
+    for name in ABOUT:
+        assert not re.search(r"<(path|str|list)", run(name, "--help").stdout)
+
+
 def test_the_help_ends_in_examples():
     assert "gyronorth explain rec.npz --sensor sdc500" in run("explain", "--help").stdout
 
@@ -74,6 +88,7 @@ def test_the_help_ends_in_examples():
         (("plan", "--sensor", "sdc50", "--latitude", "32"), "sdc500"),
         (("info", __file__, "--gyro-unit", "deg/sec"), "deg/s"),
         (("haeding",), "heading"),
+        (("info", __file__.replace("help", "hlep")), "test_help.py"),
     ],
 )
 def test_a_name_that_is_nearly_right_is_offered(arguments, meant):

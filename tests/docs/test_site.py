@@ -94,8 +94,8 @@ CUT_IN_PRINT = """() => {
 }"""
 #: Width of the text on A4 with the margins of docs/stylesheets/pages.css, px.
 PAPER = 680
-#: Nobody scrolls further: a phone's screen is 844 px high.
-LONGEST = 40_000
+#: Nobody scrolls further, px: a phone's screen is 844 high.
+LONGEST = 16_000
 
 
 @pytest.mark.long

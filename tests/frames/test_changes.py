@@ -1,4 +1,4 @@
-"""Units that are set anew while they run, and streams whose frames do not all hold the same."""
+"""Units that are reset while they run, and streams whose frames do not all hold the same."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_a_capture_of_two_rates_is_refused_with_a_cut_that_works(tmp_path):
     path = tmp_path / "imu.gps"
     path.write_bytes(whole)
     at = sum(map(len, first.frames))
-    with pytest.raises(InputError, match=f"at byte {at} the unit was set anew, from 200 to 400 Hz"):
+    with pytest.raises(InputError, match=f"at byte {at} the unit was reset, from 200 to 400 Hz"):
         gn.read(path)
     path.write_bytes(whole[:at])
     assert gn.read(path).rate_hz == 200.0

@@ -166,8 +166,9 @@ def test_kvh_unit_is_told_by_earth_rate(unit, increments):
         frames.append(body + encoders.crc32_msb(body).to_bytes(4, "big"))
     samples, report = decode(b"".join(frames), "kvh")
     assert samples.gyro == pytest.approx(case.gyro, rel=1e-6)
-    assert codes(report) == {"units_assumed"}
-    assert "only choice" in report.findings[0].message
+    assert codes(report) == {"units_assumed", "rate_assumed"}
+    assert "taken as 1000 Hz" in report.findings[0].message
+    assert "only choice" in report.findings[1].message
 
 
 def test_kvh_that_turns_is_taken_as_it_leaves_the_factory_and_told():

@@ -274,7 +274,7 @@ def _session(content: bytes, reading: ReadOptions) -> HeadingEstimate | None:
     session = Session(_Bytes(content), LiveSettings(reading, method="mean"))
     with patch("gyronorth.live.estimation._warm"):  # of no use to a stream of a second
         session.start()
-        assert session.ended.wait(20), "the session does not end"
+        assert session.ended.wait(90), "the session does not end"
         session.close()
     if session.error is not None:
         raise session.error

@@ -40,6 +40,7 @@ def test_labels_say_what_was_simulated():
     assert near.float().mean() > 0.95
 
 
+@pytest.mark.long  # the same loss, and a whole training, below
 def test_network_learns_a_batch_by_heart():
     torch.manual_seed(0)
     batch = draw_batch(TINY, 4, samples=90, rng=np.random.default_rng(0))

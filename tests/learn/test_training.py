@@ -255,7 +255,7 @@ class Killed(BaseException):
     """Stands for a kill inside this process."""
 
 
-@pytest.mark.parametrize("moment", [1, 7, *(pytest.param(moment, marks=pytest.mark.long) for moment in (4, 10))])
+@pytest.mark.parametrize("moment", [7, *(pytest.param(moment, marks=pytest.mark.long) for moment in (1, 4, 10))])
 def test_resuming_after_a_kill_while_a_checkpoint_is_written(tmp_path, monkeypatch, moment):
     """The rename of the n-th file written, checkpoint or log, never happens."""
     reference = run_training(TINY, "all", data(), tmp_path / "reference")

@@ -115,7 +115,7 @@ def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, m
     for name, live in (("rec.bin", first), ("rec.2.bin", second)):
         replayed = Session(open_source(str(tmp_path / name), options, speed=1000), replace(settings, save=None))
         replayed.start()
-        assert replayed.ended.wait(30)
+        assert replayed.ended.wait(90)
         replayed.close()
         assert replayed.status.measured is not None
         offline = gn.heading(gn.read(tmp_path / name, options), method="mean")
@@ -141,7 +141,7 @@ def test_the_heading_follows_a_turn_and_says_so():
     events = [HEAD, *paced, 1.5, rows[7600:8000], 1.5, look, rows[8000:8500], 0.3, look, rows[8500:9100], 0.3, look]
     session = Session(Played(*events), LiveSettings(ReadOptions(), gn.read_sensor("isa100c"), method="mean"))
     session.start()
-    assert session.ended.wait(60)
+    assert session.ended.wait(90)
     session.close()
     assert session.error is None
     assert [status.fitness for status in seen] == ["valid", "held", "held"]

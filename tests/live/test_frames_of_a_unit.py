@@ -40,16 +40,17 @@ def pieces(data: bytes, size: int = 4000) -> list[Bytes]:
 def test_a_damaged_stream_gives_the_heading_of_its_capture(name, monkeypatch, tmp_path):
     case, options = unit(name, monkeypatch)
     data = damaged(case)
-    session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv")
+    method = "auto" if name == "stim" else "mean"
+    session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv", method=method)
     status = session.status
     assert (session.error, status.protocol, status.counters.restarts) == (None, case.protocol, 0)
     assert (tmp_path / "rec.bin").read_bytes() == data
     whole = gn.read(tmp_path / "rec.bin", options)
-    offline = gn.heading(whole)
+    offline = gn.heading(whole, method=method)
     assert status.measured is not None
     assert status.measured.heading == pytest.approx(offline.heading, abs=1e-5)
     assert status.measured.sigma == pytest.approx(offline.sigma, rel=1e-3)
-    assert gn.heading(gn.read(tmp_path / "rec.csv")).heading == pytest.approx(offline.heading, abs=1e-5)
+    assert gn.heading(gn.read(tmp_path / "rec.csv"), method=method).heading == pytest.approx(offline.heading, abs=1e-5)
     assert status.counters.lost == sum(gap.samples for gap in whole.gaps) > 0
     assert status.counters.skipped_bytes > 0
     assert status.measured.heading is not None
@@ -100,7 +101,7 @@ def test_a_broken_cable_of_a_unit_without_time_begins_files_that_replay_by_thems
         open_source(str(tmp_path / "rec.2.bin"), options, speed=1000.0), replace(session.settings, save=None)
     )
     again.start()
-    assert again.ended.wait(30)
+    assert again.ended.wait(90)
     again.close()
     assert again.status.measured is not None
     assert session.status.measured is not None
@@ -130,14 +131,14 @@ def test_start_begins_a_capture_of_what_comes_after(monkeypatch, tmp_path):
         session[0].saved()
 
     source = Played(*pieces(data[:cut]), 0.2, begin, *pieces(data[cut:]))
-    session.append(Session(source, LiveSettings(options, save=tmp_path / "rec.csv")))
+    session.append(Session(source, LiveSettings(options, method="mean", save=tmp_path / "rec.csv")))
     session[0].start()
-    assert session[0].ended.wait(30)
+    assert session[0].ended.wait(90)
     session[0].close()
     status = session[0].status
     assert status.measured is not None
     assert status.measured.heading == pytest.approx(
-        gn.heading(gn.read(tmp_path / "rec.2.bin", options)).heading, abs=1e-9
+        gn.heading(gn.read(tmp_path / "rec.2.bin", options), method="mean").heading, abs=1e-9
     )
 
 
@@ -178,3 +179,18 @@ def test_a_unit_set_to_another_rate_begins_a_new_stretch_whose_file_replays(monk
     replayed = gn.read(tmp_path / "rec.2.bin", options)
     assert len(replayed.gyro_b) == len(recorded.gyro_b) > 2000
     assert replayed.gyro_b == pytest.approx(recorded.gyro_b, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["stim", "sbg-short"])
+def test_a_wrong_rate_is_told_and_not_taken(name, monkeypatch, tmp_path):
+    """A configuration and a clock know better than a declaration, in a file and on the cable."""
+    case, options = unit(name, monkeypatch)
+    data = case.preamble + b"".join(case.frames)
+    (tmp_path / "unit.bin").write_bytes(data)
+    wrong = replace(options, rate_hz=case.rate_hz / 2)
+    read = gn.read(tmp_path / "unit.bin", wrong)
+    status = session_of(*pieces(data), reading=wrong).status
+    assert status.measured is not None
+    assert (read.rate_hz, status.rate_hz) == (case.rate_hz, case.rate_hz)
+    for warnings in (read.notes, status.measured.warnings):
+        assert "rate_conflict" in {warning.code for warning in warnings}

@@ -66,6 +66,15 @@ def test_the_heading_follows_the_turn():
     assert held.since == pytest.approx(10 + GUARD + 1)
 
 
+def test_an_estimate_that_grows_more_certain_is_no_motion():
+    """The unit stands; its estimate moves by more than the gyro could have turned meanwhile."""
+    still = recording(WHITE, turn=0.0)
+    holding, found = stood(still, WHITE)
+    assert found.heading is not None
+    better = replace(found, heading=found.heading + radians(3.0))
+    assert holding.held(better, limit=None) is None
+
+
 def test_sigma_grows_as_the_bias_is_known_and_by_the_random_walk():
     """N^2 (t + t^2 / T): the bias is a mean over T, with N / sqrt(T); a turn-on bias cancels."""
     long = recording(WHITE, after=600.0)

@@ -100,15 +100,6 @@ def browser(chromium) -> Iterator[Any]:
         browser.close()
 
 
-def assert_usable_by_all(page) -> None:
-    """axe finds nothing serious: contrast, names of controls, order, languages."""
-    from axe_playwright_python.sync_playwright import Axe
-
-    found = Axe().run(page).response["violations"]
-    grave = [rule for rule in found if rule["impact"] in ("serious", "critical")]
-    assert [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in grave] == []
-
-
 #: Samples of the first stand, their rate, and how much faster they come.
 STAND, RATE_HZ, SPEED = 6000, 100, 6
 STRUCK = "getComputedStyle(document.querySelector('[data-heading]')).textDecorationLine"
@@ -136,7 +127,7 @@ def feed(pipe: int, lines: list[str], released: Event) -> None:
 
 @pytest.mark.slow
 def test_a_turned_recording_on_the_page(tmp_path, browser):
-    """Aligning, valid, lost by a stop, a server that freezes, the end, a server that dies; tablet and phone."""
+    """Aligning, valid, lost by a stop, a server that freezes, the end, a server that dies."""
     from playwright.sync_api import expect
 
     truth = turned_recording(tmp_path / "turned.csv")
@@ -204,10 +195,7 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         page.get_by_role("button", name="Set the alignment offset").click()
         turned = re.compile(f"{heading_deg + 10:.1f}".replace(".", r"\.")[:-1])
         expect(page.locator("[data-heading]")).to_contain_text(turned, timeout=60_000)
-        page.locator("summary").click()
-        phone(page)
         assert problems == []
-        assert_usable_by_all(page)  # last: it keeps the page busy for so long that a slow machine loses keys
         process.kill()
         expect(verdict).to_contain_text("Invalid: no news from the instrument", timeout=30_000)
         assert page.evaluate(STRUCK) == "line-through"
@@ -228,22 +216,6 @@ def page_heading(page, folder: Path, heading_deg: float, url: str) -> None:
     assert "<svg" in page.request.get(f"{url}report").text()
 
 
-def phone(page) -> None:
-    """Nothing is wider than a phone, every button is reached with the Tab key, and d turns the page dark."""
-    page.set_viewport_size({"width": 390, "height": 844})
-    assert page.evaluate("document.documentElement.scrollWidth") == 390
-    reached = set()
-    for _ in range(16):
-        page.keyboard.press("Tab")
-        reached.add(page.evaluate("document.activeElement.getAttribute('aria-label')"))
-    assert {"Save (key v)", "Dark or light"} <= reached
-    colour = "getComputedStyle(document.body).backgroundColor"
-    page.evaluate("document.activeElement.blur()")  # the field of the offset takes letters for itself
-    before = page.evaluate(colour)
-    page.keyboard.press("d")
-    page.wait_for_function(f"{colour} != '{before}'")
-
-
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory) -> Iterator[tuple[Path, str, int]]:
     """An instrument for the network, which asks for a token: its folder, its address and the port of its sentences."""
@@ -257,7 +229,17 @@ def guarded(tmp_path_factory) -> Iterator[tuple[Path, str, int]]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         nmea_port = free.getsockname()[1]
-    arguments = ("turned.csv", "--speed", "1", "--save", "north.csv", "--nmea-out", f"tcp:127.0.0.1:{nmea_port}")
+    arguments = (
+        "turned.csv",
+        "--method",
+        "mean",
+        "--speed",
+        "1",
+        "--save",
+        "north.csv",
+        "--nmea-out",
+        f"tcp:127.0.0.1:{nmea_port}",
+    )
     with live(folder, *arguments, "--host", "0.0.0.0", "--token", "a b&c" * 4) as (url, process):
         yield folder, url.replace("0.0.0.0", "127.0.0.1"), nmea_port
         assert process.poll() is None

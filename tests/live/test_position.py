@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from math import degrees, radians
 from threading import Event
 
@@ -17,11 +18,15 @@ GGA = b"$GPGGA,092204.999,4250.5589,S,14718.5084,E,1,04,24.4,19.7,M,,,,0000*1F\r
 
 
 @settings(deadline=None, max_examples=100)
-@given(latitude=st.floats(-90, 90), kind=st.sampled_from(["GGA", "RMC"]))
-def test_sentences_of_another_program_are_read(latitude, kind):
+@given(
+    latitude=st.floats(-90, 90),
+    kind=st.sampled_from(["GGA", "RMC"]),
+    talker=st.sampled_from(["GP", "GN", "GL", "GA", "GB", "GI", "GQ"]),
+)
+def test_sentences_of_another_program_are_read(latitude, kind, talker):
     fields = {"lat": latitude, "NS": "N" if latitude >= 0 else "S", "lon": 12.5, "EW": "E"}
     extra = {"quality": 1} if kind == "GGA" else {"status": "A"}
-    line = NMEAMessage("GN", kind, GET, **fields, **extra).serialize()
+    line = NMEAMessage(talker, kind, GET, **fields, **extra).serialize()
     found = latitude_of(line)
     assert found is not None
     assert degrees(found) == pytest.approx(latitude, abs=1e-5)
@@ -41,6 +46,22 @@ def test_sentences_of_another_program_are_read(latitude, kind):
 )
 def test_no_fix_no_latitude(line):
     assert latitude_of(line) is None
+
+
+@pytest.mark.parametrize(
+    ("body", "known"),
+    [
+        ("GNGGA,092204.999,4250.5589,S,14718.5084,E,2,04,24.4,19.7,M,,,,0000", True),
+        ("GNGGA,092204.999,4250.5589,S,14718.5084,E,8,04,24.4,19.7,M,,,,0000", False),  # a simulator
+        ("GLRMC,092204.999,A,4250.5589,S,14718.5084,E,0.0,89.68,211200,,,A", True),
+        ("GLRMC,092204.999,A,4250.5589,S,14718.5084,E,0.0,89.68,211200,,,S", False),
+        ("GLRMC,092204.999,V,4250.5589,S,14718.5084,E,0.0,89.68,211200,,,A", False),
+        ("GLRMC,092204.999,A,4250.5589,S,14718.5084,E,0.0,89.68,211200,,", True),  # before 2001: without a mode
+    ],
+)
+def test_what_a_receiver_calls_a_fix(body, known):
+    total = reduce(lambda total, byte: total ^ byte, body.encode(), 0)
+    assert (latitude_of(f"${body}*{total:02X}\r\n".encode()) is not None) is known
 
 
 @settings(deadline=None, max_examples=300)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import socket
 import subprocess
 import sys
 import tomllib
@@ -36,11 +37,16 @@ def run_live(folder: Path, *arguments: str, given: bytes = b"") -> subprocess.Co
 
 
 def test_frames_on_standard_input_with_options_of_a_file(tmp_path, monkeypatch):
-    """The file says all but the method; the command line beats it. NiceGUI is not needed."""
+    """The file says all but the method; the command line beats it. NiceGUI is not needed. Two targets get sentences."""
     case, _ = unit("stim", monkeypatch)
+    listeners = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    for listener in listeners:
+        listener.bind(("127.0.0.1", 0))
+    targets = [f"udp:127.0.0.1:{listener.getsockname()[1]}" for listener in listeners]
     (tmp_path / "live.toml").write_text(
         f'source = "-"\nlatitude = {round(48.0, 3)}\naxes = "frd"\npage = false\njson = true\nsave = "rec.csv"\n'
         'output_rate = 0.5\nmethod = "inertial"\nlog-level = "warning"\n'
+        f"nmea-out = {json.dumps(targets)}\n"
     )
     (tmp_path / "nicegui.py").write_text("raise SystemExit('the page is not wanted')\n")
     run = run_live(tmp_path, "--config", "live.toml", "--method", "mean", given=case.preamble + b"".join(case.frames))
@@ -49,6 +55,9 @@ def test_frames_on_standard_input_with_options_of_a_file(tmp_path, monkeypatch):
     assert document["live"]["raw_recording"] == "rec.bin"
     assert b"recognised" not in run.stderr  # a message of the level "info"
     assert len(rows_in(tmp_path / "rec.csv")) == len(case.frames)
+    for listener in listeners:
+        with listener:
+            assert listener.recv(1000).startswith(b"$HETHS,,V*14\r\n")
 
 
 @pytest.mark.parametrize(
@@ -78,7 +87,19 @@ def test_the_example_file_has_options_only():
 
 def test_programs_are_served_without_a_page(tmp_path):
     (tmp_path / "played.csv").write_text(HEAD + "".join(timed_rows(seconds(0, 60))))
-    command = [sys.executable, "-m", "gyronorth.cli", "live", "played.csv", "--no-page", "--api", "--port", "0"]
+    command = [
+        sys.executable,
+        "-m",
+        "gyronorth.cli",
+        "live",
+        "played.csv",
+        "--no-page",
+        "--method",
+        "mean",
+        "--api",
+        "--port",
+        "0",
+    ]
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
     process = subprocess.Popen(
         [*command, "--speed", "4"], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -97,8 +118,8 @@ def test_programs_are_served_without_a_page(tmp_path):
         for wrong in ("200", "nan"):
             with pytest.raises(urllib.error.HTTPError, match="422"):
                 urllib.request.urlopen(f"{address}api/alignment?deg={wrong}", data=b"", timeout=20)
-        with connect(f"{address.replace('http', 'ws')}api/socket?hz=20", origin=Origin(address.rstrip("/"))) as socket:
-            received = (json.loads(text) for text in socket)
+        with connect(f"{address.replace('http', 'ws')}api/socket?hz=20", origin=Origin(address.rstrip("/"))) as heard:
+            received = (json.loads(text) for text in heard)
             after = next(document for document in received if document["live"]["alignment_deg"] == 90.0)
         assert "alignment_offset" in {warning["code"] for warning in after["warnings"]}
         off = (after["heading_deg"] - before["heading_deg"] - 90 + 180) % 360 - 180

@@ -41,7 +41,7 @@ def codes(status: Status) -> list[str]:
 
 
 def test_the_answer_is_that_of_the_file(tmp_path):
-    session = session_of(HEAD, ROWS, save=tmp_path / "rec.csv")
+    session = session_of(HEAD, ROWS, save=tmp_path / "rec.csv", method="auto")
     status, offline = session.status, gn.heading(gn.read(tmp_path / "rec.csv"))
     assert (status.state, session.error, codes(status)) == ("ended", None, [])
     assert rows_in(tmp_path / "rec.csv") == ROWS
@@ -78,7 +78,7 @@ def test_a_measured_rate_is_written_into_the_file(tmp_path):
     recording = gn.read(tmp_path / "rec.csv")
     assert session.status.rate_hz == recording.rate_hz == pytest.approx(RATE_HZ / 1.003, rel=1e-4)
     assert session.status.estimate is not None
-    assert session.status.estimate.heading == pytest.approx(gn.heading(recording).heading, abs=1e-9)
+    assert session.status.estimate.heading == pytest.approx(gn.heading(recording, method="mean").heading, abs=1e-9)
 
 
 def test_lost_rows_and_garbage_are_counted_and_cost_nothing_else(tmp_path):
@@ -92,7 +92,7 @@ def test_lost_rows_and_garbage_are_counted_and_cost_nothing_else(tmp_path):
         if chance < 0.01 or chance >= 0.02
     ]
     session = session_of(HEAD, noisy, save=tmp_path / "rec.csv")
-    counters, offline = session.status.counters, gn.heading(gn.read(tmp_path / "rec.csv"))
+    counters, offline = session.status.counters, gn.heading(gn.read(tmp_path / "rec.csv"), method="mean")
     assert rows_in(tmp_path / "rec.csv") == kept
     assert (counters.good, counters.garbage, counters.lost) == (len(kept), (fate < 0.01).sum(), (fate < 0.02).sum())
     assert session.status.estimate is not None
@@ -173,7 +173,7 @@ def test_implausible_rows_are_left_out_and_counted(tmp_path):
     session = session_of(HEAD, ROWS[:2000], dead, wild, ROWS[2001:], save=tmp_path / "rec.csv")
     assert session.status.counters.implausible == 2
     assert rows_in(tmp_path / "rec.csv") == ROWS[:2000] + ROWS[2001:]
-    assert gn.heading(gn.read(tmp_path / "rec.csv")).valid
+    assert gn.heading(gn.read(tmp_path / "rec.csv"), method="mean").valid
 
 
 def test_a_wrong_unit_is_a_reason():
@@ -224,7 +224,7 @@ def test_marks_stop_and_start(tmp_path):
         *(HEAD, ROWS[:1000], lambda: command("mark", "door\nopened"), ROWS[1000:2000], lambda: command("stop")),
         *(ROWS[2000:2500], lambda: command("start"), ROWS[2500:]),
     )
-    session = Session(played, LiveSettings(ReadOptions(), save=tmp_path / "rec.csv"))
+    session = Session(played, LiveSettings(ReadOptions(), method="mean", save=tmp_path / "rec.csv"))
     session.start()
     assert session.ended.wait(90)
     session.close()
@@ -249,7 +249,7 @@ def test_a_source_that_stalls_makes_the_heading_invalid(tmp_path, monkeypatch):
                 return
             time.sleep(0.05)
 
-    session = Session(Played(HEAD, ROWS[:3500], look, ROWS[3500:]), LiveSettings(ReadOptions()))
+    session = Session(Played(HEAD, ROWS[:3500], look, ROWS[3500:]), LiveSettings(ReadOptions(), method="mean"))
     session.start()
     assert session.ended.wait(90)
     session.close()
@@ -262,7 +262,7 @@ def test_a_source_that_stalls_makes_the_heading_invalid(tmp_path, monkeypatch):
 def test_what_waits_when_the_session_is_closed_is_recorded(tmp_path):
     session = Session(
         Played(HEAD, *(ROWS[at : at + 50] for at in range(0, 4000, 50)), 60),
-        LiveSettings(ReadOptions(), save=tmp_path / "rec.csv"),
+        LiveSettings(ReadOptions(), method="mean", save=tmp_path / "rec.csv"),
     )
     session.start()
     while session.status.counters.good < 4000:
@@ -285,7 +285,7 @@ def test_a_recording_is_named_only_once_its_file_is_there(tmp_path):
     played = Played(
         HEAD, lambda: before.append(session.status), 0.3, lambda: before.append(session.status), ROWS[:1500]
     )
-    session = Session(played, LiveSettings(ReadOptions(), save=tmp_path / "rec.csv"))
+    session = Session(played, LiveSettings(ReadOptions(), method="mean", save=tmp_path / "rec.csv"))
     assert session.status.recording is None
     session.start()
     assert session.ended.wait(90)
@@ -296,9 +296,17 @@ def test_a_recording_is_named_only_once_its_file_is_there(tmp_path):
     assert session.status.recording == tmp_path / "rec.csv"
 
 
+@pytest.mark.parametrize(("method", "warmed"), [("auto", 1), ("mean", 0)])
+def test_other_methods_are_loaded_at_the_start_where_auto_may_turn_to_them(monkeypatch, method, warmed):
+    calls = []
+    monkeypatch.setattr("gyronorth.live.estimation._warm", lambda: calls.append(method))
+    session_of(HEAD, ROWS[:100], method=method)
+    assert len(calls) == warmed
+
+
 def live_of(given: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """`live -` without a page, on what it is given."""
-    command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", *arguments]
+    command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", "--method", "mean", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
     return subprocess.run(command, env=environment, input=given, capture_output=True, text=True, check=False)
 
@@ -442,7 +450,7 @@ def test_json_lines_hold_the_estimate_and_the_counters(tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long  # in one process and without a benchmark: test_lost_rows_and_garbage_are_counted_...
 def test_a_bad_line_costs_no_good_row():
     """The benchmark's stream, shortened: 1 % lost, 1 % garbage, three connections that break."""
     command = [sys.executable, "-m", "benchmarks.live_soak", "--minutes", "0.5", "--speed", "20"]
@@ -459,7 +467,18 @@ def test_a_bad_line_costs_no_good_row():
 
 def test_after_kill_9_the_file_holds_whole_rows_and_all_that_had_come(tmp_path):
     saved = tmp_path / "rec.csv"
-    command = [sys.executable, "-m", "gyronorth.cli", "live", "-", "--no-page", "--save", str(saved)]
+    command = [
+        sys.executable,
+        "-m",
+        "gyronorth.cli",
+        "live",
+        "-",
+        "--no-page",
+        "--method",
+        "mean",
+        "--save",
+        str(saved),
+    ]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": str(ROOT / "src")}
     )

@@ -198,7 +198,7 @@ def run_sequence(monkeypatch, tmp_path) -> Callable[[list[str]], list[bool]]:
     return run
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(events=EVENTS)
 @example(["rows"] * 3 + ["turn", "rows", "rows", "stall", "rows", "end", "rows", "start", "rows"])
 def test_after_any_sequence_of_events_all_outputs_agree(run_sequence, events):
@@ -237,7 +237,9 @@ def test_an_estimator_that_fails_makes_the_heading_invalid(monkeypatch):
         while time.monotonic() < deadline and session.status.found is None:
             time.sleep(0.02)
 
-    session = Session(Played(HEAD, ROWS[:3500], until_estimated, ROWS[3500:]), LiveSettings(ReadOptions()))
+    session = Session(
+        Played(HEAD, ROWS[:3500], until_estimated, ROWS[3500:]), LiveSettings(ReadOptions(), method="mean")
+    )
     session.start()
     assert session.ended.wait(90)
     session.close()
@@ -258,7 +260,7 @@ def test_a_heading_less_certain_than_required_is_degraded():
 
 
 def test_a_closed_session_is_not_running():
-    session = Session(Played(HEAD, ROWS, 60), LiveSettings(ReadOptions()))
+    session = Session(Played(HEAD, ROWS, 60), LiveSettings(ReadOptions(), method="mean"))
     session.start()
     deadline = time.monotonic() + 60
     while session.status.counters.good < len(ROWS) and time.monotonic() < deadline:

@@ -94,6 +94,11 @@ def test_the_oldest_packages_tested_are_the_lower_bounds():
         assert re.fullmatch(rf"{re.escape(bound)}(\.0)*", tested[name]), name
 
 
+def test_every_extra_for_users_is_in_the_table_of_the_guide():
+    table = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs/guide/first_heading.md").read_text(), re.MULTILINE)
+    assert sorted(table) == sorted(set(PROJECT["optional-dependencies"]) - {"dev"})
+
+
 def test_what_the_paper_cites_is_in_its_bibliography():
     cited = set(re.findall(r"@(\w+)", (ROOT / "paper.md").read_text()))
     assert cited == set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))

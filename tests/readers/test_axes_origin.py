@@ -17,8 +17,8 @@ NO_AXES = tuple(line for line in SI if "axes" not in line)
 
 def file_in(folder, axes, **kwargs):
     """A CSV in these axes that does not say so."""
-    gyro, accel = (in_axes(part, mat_bf(axes).T) for part in still(3000))
-    return csv_file(folder, rows_of([np.arange(3000) / 100, gyro, accel]), **kwargs)
+    gyro, accel = (in_axes(part, mat_bf(axes).T) for part in still(1500))
+    return csv_file(folder, rows_of([np.arange(1500) / 100, gyro, accel]), **kwargs)
 
 
 def codes(recording):

@@ -76,7 +76,8 @@ KINDS = [".csv", ".h5", ".parquet", ".mcap", ".bag", "bag", "mcap", "folder", "f
 
 @pytest.mark.parametrize(
     "kind",
-    [*KINDS[:-1], pytest.param(KINDS[-1], marks=pytest.mark.long)],  # a folder and an MCAP file stand before it
+    # Files of ROS that we write and that others write, whole and split: one of each kind in every `make test`.
+    [pytest.param(kind, marks=[pytest.mark.long] * (kind in (".bag", "mcap", "folder of mcap"))) for kind in KINDS],
 )
 def test_places_tell_what_the_whole_tells(tmp_path, monkeypatch, kind):
     path = path_of(tmp_path, kind)

@@ -112,7 +112,7 @@ def test_numbers_of_any_kind_are_equal_to_the_bit(layout, data):
 
 
 @given(layout=st.sampled_from(LAYOUTS), data=st.data())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_odd_fields_lines_and_widths_end_alike(layout, data):
     field = st.one_of(st.sampled_from(ODD), st.just("1.25"), st.just("1.25"), st.just("-3"))
     width = len(layout.titles)

@@ -39,7 +39,10 @@ def reports(tmp_path_factory):
         ("turned", turned, "sdc500"),
     ):
         pages[name] = folder / f"{name}.html"
-        gyronorth("heading", file, "--sensor", sensor, "--report", pages[name])
+        with pytest.MonkeyPatch.context() as patch:
+            if name == "turned":  # the same figures again
+                patch.setattr("gyronorth.report.html.svg_text", lambda figure, salt: "<svg></svg>")
+            gyronorth("heading", file, "--sensor", sensor, "--report", pages[name])
     return pages
 
 

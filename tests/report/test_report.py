@@ -142,7 +142,7 @@ class TestNmea:
             assert (parsed["HETHS"].headt, parsed["HETHS"].mi) == (40.3, mode)
         assert ("HEHDT" in parsed) is (kind != "ths" and mode != "S")  # a replay is no compass
         if kind == "octans":
-            tilt = ["PHTRO,3.50,P,1.25,T"] if mode != "S" else []
+            tilt = ["PHTRO,3.50,P,1.25,T", "PHTRH,3.50,P,1.25,T,,"] if mode != "S" else []
             word = "PHINF,00000008" if mode != "S" else "PHINF,0000000F"
             assert [line[1:].partition("*")[0] for line in lines if line.startswith("$PH")] == [*tilt, word]
         else:
@@ -279,6 +279,15 @@ class TestFigures:
         band = axes.collections[0].get_paths()[0].vertices
         assert band[:, 1].min() == pytest.approx(-50)
         assert band[:, 1].max() == pytest.approx(22)
+
+    def test_another_method_than_the_one_drawn_shows_its_own_result_at_the_end(self):
+        found = replace(VALID, method="posterior", heading=radians(1), interval95=(radians(350), radians(9)))
+        axes = figures.convergence_figure(CONVERGENCE, found).axes[0]
+        assert axes.get_title(loc="left") == "Heading against time, by plain averaging"
+        bars = axes.containers[0]
+        assert bars.get_label() == "posterior, valid"
+        np.testing.assert_allclose(bars[2][0].get_segments()[0][:, 1], [-10, 9], atol=1e-9)
+        assert axes.get_ylim()[0] <= -10
 
     def test_unknown_heading_has_a_figure(self, tmp_path):
         figure = figures.heading_figure(replace(CONVERGENCE, heading=np.full(4, np.nan)), UNKNOWN)

@@ -45,6 +45,7 @@ def test_built_in_profiles_cover_the_classes_and_read_by_any_case():
     for name in sensor_names():
         sensor = read_sensor(name)
         assert sensor.name == name == read_sensor(name.upper()).name
+        assert profiles.builtin(name) == profiles.parse(profiles.builtin_text(name), where=name)  # checked here alone
         assert min(sensor.gyro.white, sensor.gyro.turn_on_bias) > 0
         assert (sensor.accel.white > 0) == (name != "blueseis-3a"), "it has no accelerometer"
         assert len(sensor.source) > 100, "a profile says where its figures come from"

@@ -94,8 +94,8 @@ def test_shares_of_splits_by_hand():
     [
         (Interval(0.7, 0.6, 0.74), "holds"),
         (Interval(0.9, 0.75, 1.2), "**does not hold**"),
-        (Interval(0.7, 0.5, 0.9), "cannot be told"),
-        (Interval(0.7, 0.5, 1.1), "cannot be told (the interval contains 1)"),
+        (Interval(0.7, 0.5, 0.9), "undecided"),
+        (Interval(0.7, 0.5, 1.1), "undecided (the interval contains 1)"),
         (0.74, "holds"),
         (0.75, "**does not hold**"),
     ],
@@ -226,10 +226,10 @@ def test_only_numbers_name_recordings_and_folders_are_sessions(clone):
     about = StudyPlan(data=str(clone)).about()
     assert "Train (30)" in about
     assert "x_GC_MA.csv" in about
-    assert "twin" not in about
+    assert "reconstruction" not in about
 
 
-def test_no_page_of_a_users_clone_speaks_of_the_twin(clone, tmp_path, monkeypatch):
+def test_no_page_of_a_users_clone_speaks_of_the_reconstruction(clone, tmp_path, monkeypatch):
     monkeypatch.setattr("gyronorth.studies.published_transfer.SETS", 1)
     monkeypatch.setattr("gyronorth.studies.published_splits.ARCS", (5,))
     plan = StudyPlan(data=str(clone), splits=2)
@@ -238,7 +238,7 @@ def test_no_page_of_a_users_clone_speaks_of_the_twin(clone, tmp_path, monkeypatc
     assert len(write_study_figures(tmp_path)) == 2
     for path in [*tmp_path.glob("*.md"), *tmp_path.glob("*.json")]:
         text = path.read_text()
-        assert "twin" not in text.lower(), path.name
+        assert "reconstruction" not in text.lower(), path.name
         assert "printed mean rates" not in text
     assert "x_results.csv, x_GC_MA.csv" in (tmp_path / "noise.md").read_text()
 
@@ -251,7 +251,7 @@ def test_the_main_table_runs_on_a_users_clone(clone, tmp_path):
     assert done.exit_code == 0, done.output
     text = (tmp_path / "o/table_2.md").read_text()
     assert LIMIT in text
-    assert "twin" not in text.lower()
+    assert "reconstruction" not in text.lower()
 
 
 class at_once:

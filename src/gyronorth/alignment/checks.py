@@ -10,7 +10,7 @@ from gyronorth.findings import Check
 
 #: Gates that say why one interval is too wide: they share its width and its limit.
 _WIDTH = ("too_short", "near_pole", "too_noisy")
-#: Code -> what is compared, unit, formula. Symbols are those of docs/theory.md, section "Validity".
+#: Code -> what is compared, unit, formula. Symbols are those of docs/theory/uncertainty.md, section "Validity".
 _SHOWN = {
     "rate_norm": (
         "mean rate against Earth rate",

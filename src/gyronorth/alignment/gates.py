@@ -1,6 +1,6 @@
 """When a heading may be believed: the gates, each with its measured value beside its limit.
 
-Limits scale with the claimed uncertainty. Each is explained in docs/theory.md, section
+Limits scale with the claimed uncertainty. Each is explained in docs/theory/uncertainty.md, section
 "Validity"; values and limits are in the reader's units (deg, deg/h, s).
 """
 

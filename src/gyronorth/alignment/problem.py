@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gyronorth.alignment.closed_form import align_mean
 from gyronorth.alignment.motion import MotionStatistics, motion_statistics
 from gyronorth.alignment.result import Attitude
-from gyronorth.alignment.turned.segments import Segments, find_segments
 from gyronorth.arrays import Array
 from gyronorth.attitude import mat_lb
 from gyronorth.conditioning import decimate
 from gyronorth.sensor import Sensor
+
+if TYPE_CHECKING:
+    from gyronorth.alignment.turned.segments import Segments
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +69,18 @@ class Problem:
         return align_mean(self.gyro_b, self.accel_b, attitude=self.attitude)
 
     @cached_property
+    def mat_lb(self) -> Array:
+        """Rotation from the body frame to the level frame of the mean, shape (..., 3, 3)."""
+        return mat_lb(self.mean.roll, self.mean.pitch)
+
+    @cached_property
     def motion(self) -> MotionStatistics:
         """What the samples show of motion and noise."""
         return motion_statistics(
             self.gyro_b,
             self.accel_b,
             rate_hz=self.rate_hz,
-            mat_lb=mat_lb(self.mean.roll, self.mean.pitch),
+            mat_lb=self.mat_lb,
             sensor=self.sensor,
         )
 
@@ -83,6 +90,8 @@ class Problem:
         if self.known_segments is not None:
             return self.known_segments
         bias = None if self.sensor is None or self.sensor.gyro.turn_on_bias == 0 else self.sensor.gyro.turn_on_bias
+        from gyronorth.alignment.turned.segments import find_segments
+
         return find_segments(self.gyro_b, self.accel_b, rate_hz=self.rate_hz, turn_on_bias=bias)
 
     def rate_l(self, to_hz: float | None = None) -> Array:
@@ -90,7 +99,7 @@ class Problem:
         gyro_b = self.gyro_b
         if to_hz is not None and to_hz < self.rate_hz:
             gyro_b = decimate(gyro_b, rate_hz=self.rate_hz, to_hz=to_hz)
-        return gyro_b @ np.swapaxes(mat_lb(self.mean.roll, self.mean.pitch), -1, -2)
+        return gyro_b @ np.swapaxes(self.mat_lb, -1, -2)
 
     def part(self, seconds: float) -> Problem:
         """The first `seconds`, s, or the last where negative; all where there are no more."""

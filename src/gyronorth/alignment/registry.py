@@ -10,21 +10,21 @@ import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from gyronorth import catalogue
-from gyronorth.alignment import correction
 from gyronorth.alignment.gates import length_finding
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.result import Result, unknown
 from gyronorth.arrays import Mask
 from gyronorth.catalogue import MethodInfo
-from gyronorth.deviation import DeviationModel
 from gyronorth.errors import InputError
+
+if TYPE_CHECKING:
+    from gyronorth.deviation import DeviationModel
 
 #: A recording may be this much longer, s, than the longest that a method takes: samples are never counted to the end.
 LENGTH_SLACK = 1.0
@@ -72,6 +72,8 @@ class _Methods(Mapping[str, Method]):
 
     def __getitem__(self, name: str) -> Method:
         if name not in self._rows:
+            from importlib.metadata import entry_points  # slow to load
+
             for entry in entry_points(group=ENTRY_POINTS, name=name):
                 self.add(entry.load())
         if name not in self._rows:
@@ -193,6 +195,8 @@ def solve(name: str, problem: Problem, options: Options) -> Result:
         raise InputError(
             f"A deviation curve corrects the closed form, but the method is {result.method}. Use --method mean with it."
         )
+    from gyronorth.alignment import correction
+
     return correction.corrected(result, problem, options.deviation)
 
 

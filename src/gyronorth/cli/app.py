@@ -6,6 +6,7 @@ import importlib
 import io
 import os
 import shlex
+import shutil
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -15,11 +16,14 @@ import typer
 from typer.core import TyperGroup
 
 from gyronorth.cli import progress
+from gyronorth.cli.conversion import convert_directly
 from gyronorth.cli.progress import NORMAL, QUIET, VERBOSE
 from gyronorth.cli.tasks import ABOUT, MODULES
 
 #: Panel of the options that every command has.
 PANEL = "Verbosity"
+#: Characters in a line below which the help of a command has no frames: their columns would cut words.
+NARROW = 64
 
 
 class Commands(TyperGroup):
@@ -42,7 +46,7 @@ class Commands(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """The options of the program itself."""
-        return _without_types(super().get_params(ctx))
+        return _prepared(super().get_params(ctx))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of a name, loaded; for a name that there is not, all are, to offer what is near."""
@@ -50,8 +54,26 @@ class Commands(TyperGroup):
             self._load([module for module, names in MODULES.items() if cmd_name in names] or list(MODULES))
         command: Any = super().get_command(ctx, cmd_name)
         if command is not None:
-            _without_types(command.get_params(ctx))
+            _prepared(command.get_params(ctx))
+            command.rich_markup_mode = None if narrow() else self.rich_markup_mode
         return command
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The help of the program, in a narrow terminal without frames."""
+        mode = self.rich_markup_mode
+        self.rich_markup_mode = None if narrow() else mode
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            self.rich_markup_mode = mode
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The commands by task, in a help without frames."""
+        known = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        for task in dict.fromkeys(task for task, _ in ABOUT.values()):
+            named = [name for name in known if name in ABOUT and ABOUT[name][0] == task]
+            with formatter.section(task):
+                formatter.write_dl([(name, known[name].get_short_help_str(limit=200)) for name in named])
 
     def _load(self, modules: Sequence[str] = tuple(MODULES)) -> None:
         """Let modules define their commands, and take these up."""
@@ -92,11 +114,19 @@ class Commands(TyperGroup):
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _without_types(parameters: list[Any]) -> list[Any]:
-    """The parameters, without the `<bool>` that some versions of typer write behind a switch in the help."""
+def narrow() -> bool:
+    """Whether the terminal is too narrow for frames."""
+    return shutil.get_terminal_size().columns < NARROW
+
+
+def _prepared(parameters: list[Any]) -> list[Any]:
+    """The parameters, converted directly and without the types that some versions of typer write in the help."""
     for parameter in parameters:
+        convert_directly(parameter)
         if getattr(parameter, "is_flag", False):
             parameter.metavar = ""
+        elif parameter.param_type_name == "argument":
+            parameter.display_type = lambda _: ""
     return parameters
 
 

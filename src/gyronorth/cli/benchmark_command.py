@@ -67,7 +67,7 @@ def benchmark(
 
     An interrupted run is continued; a unit that is finished is not run again.
     """
-    from gyronorth.cli.options import check_drawing
+    from gyronorth.cli.outputs import check_drawing
     from gyronorth.files import no_empty_folder
     from gyronorth.many.workers import executor_on
     from gyronorth.report.study_figures import write_study_figures

@@ -10,24 +10,28 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import Force, Json, check_outputs, print_json, with_reading, written
-from gyronorth.cli.progress import files_done, working
+from gyronorth.cli.many_options import Sources
+from gyronorth.cli.options import Force, Json
+from gyronorth.cli.outputs import check_outputs, print_json, written
+from gyronorth.cli.progress import recordings_done, working
+from gyronorth.cli.reading_options import with_reading
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
+    from gyronorth.recording import Recording
 
 
 @app.command()
 @with_reading
 def calibrate(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Recordings of one session at known headings.")],
+    sources: Sources,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PROFILE", help="Deviation curve to write (JSON).")],
     as_json: Json = False,
     force: Force = False,
     *,
     reading: ReadOptions,
 ) -> None:
-    """Fit a deviation curve to recordings at known headings, and cross-validate it.
+    """Fit a deviation curve to recordings of one session at known headings, and cross-validate it.
 
     The curve holds for the unit and the power-up session it was measured in; `heading --deviation`
     applies it there.
@@ -35,20 +39,25 @@ def calibrate(
     from gyronorth import calibration, readers
     from gyronorth.deviation import FEWEST
     from gyronorth.errors import InputError
+    from gyronorth.many.remote import at_hand
+    from gyronorth.many.sources import recordings
     from gyronorth.report.calibrations import print_calibration
 
     check_outputs({"-o": (output, (".json",))}, kept=() if force else ("-o",))
-    if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; give one with recordings at known headings.")
     try:
-        paths = readers.recordings_in(folder)
+        items = recordings(sources)
     except InputError as error:
         raise InputError(
             f"{error} A deviation curve is fitted to at least {FEWEST + 1} recordings at known headings."
         ) from None
-    recordings = [readers.read(path, reading) for path in files_done(paths)]
+    read: list[Recording] = []
+    with recordings_done(len(items)) as done:
+        for item in items:
+            with at_hand(item.address) as path:
+                read.append(readers.read(path, reading))
+            done(item.name)
     with working("fitting the deviation curve"):
-        found = calibration.calibrate(recordings, latitude=reading.latitude)
+        found = calibration.calibrate(read, latitude=reading.latitude)
     replace(found.model, boresight=reading.boresight).write(output)
     if as_json:
         print_json(found.to_json())

@@ -37,10 +37,15 @@ def take_config(context: typer.Context, path: Path | None) -> Path | None:
         raise typer.BadParameter(
             f"{path} has the key {unknown[0]}, which is no option; one of {', '.join(sorted(names))} is expected."
         )
-    context.default_map = {
-        **(context.default_map or {}),
-        **{names[key.replace("_", "-")]: _text(key, value, path) for key, value in values.items()},
-    }
+    repeated = {parameter.name for parameter in context.command.params if parameter.nargs == 1 and parameter.multiple}
+    defaults = {}
+    for key, value in values.items():
+        name = names[key.replace("_", "-")]
+        if name in repeated:
+            defaults[name] = [_text(key, each, path) for each in (value if isinstance(value, list) else [value])]
+        else:
+            defaults[name] = _text(key, value, path)
+    context.default_map = {**(context.default_map or {}), **defaults}
     return path
 
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import METHODS
-from gyronorth.cli.options import DEG_PER_HOUR, SITE, triple
+from gyronorth.cli.options import SITE
+from gyronorth.cli.parsers import DEG_PER_HOUR, triple
 
 if TYPE_CHECKING:
     from gyronorth.deviation import DeviationModel
@@ -48,7 +49,6 @@ def curve_and_method(
     path: Path | None, method: str, reading: ReadOptions, *, any_session: bool, biased: bool
 ) -> tuple[DeviationModel | None, str]:
     """The curve asked for, where it may be applied, and the method it corrects."""
-    from gyronorth.deviation import ANY_SESSION, read_deviation
     from gyronorth.errors import InputError
 
     if path is None:
@@ -64,6 +64,8 @@ def curve_and_method(
         raise InputError(
             f"A deviation curve corrects the closed form, but the method is {method}. Use --method mean with it."
         )
+    from gyronorth.deviation import ANY_SESSION, read_deviation
+
     curve = read_deviation(path / "deviation.json" if path.is_dir() else path)
     measured = reading.boresight if curve.boresight is None else curve.boresight
     if max(abs(theirs - ours) for theirs, ours in zip(measured, reading.boresight, strict=True)) > 1e-6:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import Json, MethodName, SensorName, print_json, with_reading
+from gyronorth.cli.options import Json, MethodName, SensorName
+from gyronorth.cli.outputs import print_json
 from gyronorth.cli.progress import reading_file, working
+from gyronorth.cli.reading_options import with_reading
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions

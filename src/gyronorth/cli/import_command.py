@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import CHUNK_SAMPLES, READING, check_outputs, with_reading
+from gyronorth.cli.outputs import check_outputs
 from gyronorth.cli.progress import reading_file
+from gyronorth.cli.reading_options import CHUNK_SAMPLES, READING, with_reading
 from gyronorth.cli.recording_commands import RECORDING_SUFFIXES
 
 if TYPE_CHECKING:

@@ -16,16 +16,9 @@ from gyronorth.cli.app import app
 from gyronorth.cli.config import take_config
 from gyronorth.cli.correction import AnySession, Deviation, GyroBias, curve_and_method
 from gyronorth.cli.live_options import LEVELS, latitude_or_receiver, log_level_name, nmea_set_name
-from gyronorth.cli.options import (
-    OUTPUT,
-    SITE,
-    MethodName,
-    RequireSigma,
-    SensorName,
-    degrees,
-    number,
-    with_reading,
-)
+from gyronorth.cli.options import OUTPUT, SITE, MethodName, RequireSigma, SensorName
+from gyronorth.cli.parsers import degrees, number
+from gyronorth.cli.reading_options import with_reading
 
 if TYPE_CHECKING:
     from gyronorth.live.nmea_out import NmeaOut
@@ -37,7 +30,7 @@ if TYPE_CHECKING:
 #: Options of reading that a line of a stream needs.
 DECLARED = (
     "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns",
-    "protocol", "increments", "imu", "accel_range",
+    "protocol", "increments", "imu", "accel_range", "time_unit",
 )  # fmt: skip
 PAGE = "Page"
 #: The counters are told so often, s, at the level "debug".
@@ -107,10 +100,10 @@ def live(
         bool, typer.Option("--json", help="Print one JSON object a line and nothing else.", rich_help_panel=OUTPUT)
     ] = False,
     nmea_out: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="tcp|udp:HOST:PORT|serial:DEV[:BAUD]",
-            help="Serve (tcp) or send (udp, serial) NMEA 0183 sentences.",
+            help="Serve (tcp) or send (udp, serial) NMEA 0183 sentences; may be given again for another target.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -211,15 +204,14 @@ def live(
     )
     session = Session(opened, settings)
     server = _server(session, host=host, port=int(port), token=token, page=page) if page or api else None
-    out = None
-    if nmea_out is not None:
-        out = nmea.NmeaOut(
-            nmea.parse_target(nmea_out), rate_hz=output_rate, status=lambda: session.status, kind=nmea_set
-        )
+    outs = [
+        nmea.NmeaOut(target, rate_hz=output_rate, status=lambda: session.status, kind=nmea_set)
+        for target in map(nmea.parse_target, nmea_out or ())
+    ]
     if receiver is not None and not _placed(receiver):
         return 130
     try:
-        return _run(session, server, out, as_json=as_json, interval=1 / output_rate, ends=not page)
+        return _run(session, server, outs, as_json=as_json, interval=1 / output_rate, ends=not page)
     finally:
         if receiver is not None:
             receiver.close()
@@ -270,7 +262,7 @@ def _server(session: Session, *, host: str, port: int, token: str | None, page: 
         ) from None
 
 
-def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, interval: float, ends: bool) -> int:
+def _run(session: Session, server: Any, outs: list[NmeaOut], *, as_json: bool, interval: float, ends: bool) -> int:
     """Until the source ends, or the user ends it."""
     import signal
     import time
@@ -280,7 +272,7 @@ def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, i
     before = {sign: signal.signal(sign, lambda *_: finish.set()) for sign in (signal.SIGINT, signal.SIGTERM)}
     said = ""
     session.start()
-    if out is not None:
+    for out in outs:
         out.start()
     if server is not None:
         server.start()
@@ -303,7 +295,7 @@ def _run(session: Session, server: Any, out: NmeaOut | None, *, as_json: bool, i
         session.close()
         for sign, handler in before.items():
             signal.signal(sign, handler)
-        if out is not None:
+        for out in outs:
             out.close()
         if server is not None:
             server.close()
@@ -320,7 +312,7 @@ def _say(session: Session, said: str) -> str:
 
 
 def _print(session: Session) -> None:
-    from gyronorth.cli.options import print_json
+    from gyronorth.cli.outputs import print_json
 
     print_json(session.status.to_json())
     sys.stdout.flush()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from gyronorth.catalogue import NMEA_SETS
-from gyronorth.cli.options import degrees
+from gyronorth.cli.parsers import degrees
 
 #: How much is told on standard error.
 LEVELS = ("debug", "info", "warning", "error")

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 import typer
 
 from gyronorth.cli.many_options import Place, check_not_read, kept_table
-from gyronorth.cli.options import check_outputs, print_json, written
+from gyronorth.cli.outputs import check_outputs, print_json, written
 from gyronorth.cli.progress import recordings_done
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".pq")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -90,14 +90,6 @@ def recordings_done(total: int) -> Iterator[Callable[[str], None]]:
             progress.update(task, advance=1, description=printable(file), rate=told)
 
         yield show
-
-
-def files_done(paths: Sequence[Path]) -> Iterator[Path]:
-    """The paths one by one, with a bar of how many are done."""
-    with recordings_done(len(paths)) as done:
-        for path in paths:
-            yield path
-            done(path.name)
 
 
 @contextmanager

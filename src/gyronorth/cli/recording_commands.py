@@ -14,22 +14,11 @@ from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.many_options import Out, Place, Resume, Scheduler, Sources, Workers
 from gyronorth.cli.many_run import run_files, several
-from gyronorth.cli.options import (
-    CHUNK_SAMPLES,
-    Force,
-    Json,
-    Latitude,
-    Pitch,
-    RequiredSensor,
-    Roll,
-    check_outputs,
-    degrees,
-    number,
-    print_json,
-    with_reading,
-    written,
-)
+from gyronorth.cli.options import Force, Json, Latitude, Pitch, RequiredSensor, Roll
+from gyronorth.cli.outputs import check_outputs, print_json, written
+from gyronorth.cli.parsers import degrees, number
 from gyronorth.cli.progress import reading_file, working
+from gyronorth.cli.reading_options import CHUNK_SAMPLES, with_reading
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions

@@ -15,21 +15,10 @@ from gyronorth.catalogue import ALLAN_EXPORTS, METHODS
 from gyronorth.cli.app import app
 from gyronorth.cli.many_options import Out, Place, Resume, Scheduler, Sources, Workers
 from gyronorth.cli.many_run import run_files, several
-from gyronorth.cli.options import (
-    CHUNK_SAMPLES,
-    OUTPUT,
-    PLOT_SUFFIXES,
-    Force,
-    Json,
-    Latitude,
-    Plot,
-    RequiredSensor,
-    check_outputs,
-    print_json,
-    with_reading,
-    written,
-)
+from gyronorth.cli.options import OUTPUT, Force, Json, Latitude, Plot, RequiredSensor
+from gyronorth.cli.outputs import PLOT_SUFFIXES, check_outputs, print_json, written
 from gyronorth.cli.progress import reading_file, share_done, working
+from gyronorth.cli.reading_options import CHUNK_SAMPLES, with_reading
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import Force, with_reading, written
+from gyronorth.cli.options import Force
+from gyronorth.cli.outputs import written
+from gyronorth.cli.reading_options import with_reading
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions

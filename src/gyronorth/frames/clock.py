@@ -14,6 +14,8 @@ NOMINAL_HZ = (
 )  # fmt: skip
 #: A step of the clock that is longer than this, s, is a restart of the clock and no gap.
 LONGEST_GAP_S = 60.0
+#: A step of the clock of more samples than this, between two neighbours by the counter and by the bytes, sets it anew.
+CLOCK_SET = 20
 #: A step of the clock agrees with the number of samples that the bytes show when it is not further off, in samples.
 AGREES = 0.75
 #: Steps of the clock between whole neighbours that show another rate, the share by which it must differ, and the share
@@ -22,7 +24,7 @@ WATCHED, OTHER_RATE, ALIKE = 64, 0.1, 0.8
 
 
 def clock_steps(ticks: Index, tick: float, wrap: int | None) -> Array:
-    """Steps of a unit's clock between neighbours, s, shape (n - 1,); NaN where it was set anew."""
+    """Steps of a unit's clock between neighbours, s, shape (n - 1,); NaN where it was reset."""
     steps = np.diff(ticks)
     if wrap is not None:
         steps %= wrap
@@ -169,6 +171,10 @@ class Numbering:
             self._ticks = int(fields.ticks[-1])
             if self._anew:
                 seconds[0] = np.nan
+            if self.stride is not None and fields.counter is not None and self._interval is not None:
+                next_ = np.diff(fields.counter, prepend=self._counter) % fields.counter_wrap == self.stride
+                with np.errstate(invalid="ignore"):
+                    seconds[next_ & (shown == 1) & (seconds > CLOCK_SET * self._interval)] = np.nan
             jumped = np.isnan(seconds)
             if self._interval is not None:
                 by_clock = seconds / self._interval

@@ -119,7 +119,7 @@ class Framer:
                 if size == self._usual and not self._protocol.weak:  # what begins inside such a frame is none
                     first = start[index[good]]
                     last = first[np.maximum(np.searchsorted(first, start, side="right") - 1, 0)]
-                    open_ &= (start <= last) | (start >= last + size)
+                    open_ &= (start < last) | (start >= last + size)
         return whole, layout
 
     def _walk(

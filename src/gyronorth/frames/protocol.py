@@ -93,6 +93,8 @@ class Protocol:
     #: What of a layout is read, as bits of it: a frame whose layout has all of them is read like it, whatever else it
     #: holds. None: only frames of the very layout are.
     reads: Callable[[int], int] | None = None
+    #: Whether a frame holds specific force, for protocols whose frames may hold it less often than rate.
+    has_force: Callable[[Bytes], bool] | None = None
     #: Order among layouts of one stream: the smallest is taken.
     rank: Callable[[int], int] = lambda _layout: 0
     scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent

@@ -9,6 +9,10 @@ import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.findings import Finding
+from gyronorth.frames.protocol import Fields
+
+#: Rates, rad/s, and specific forces, m/s^2, beyond these come from no sensor.
+LARGEST_RATE, LARGEST_FORCE = 1e5, 1e6
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,7 @@ class Samples:
     sensor_fault: Mask  # (n,) the unit says that an output is not to be trusted
     temperature: Array | None  # (n,) degC
     start: Index  # (n,) byte at which the frame began in the stream
-    jumped: Mask  # (n,) before this sample the unit or its clock was set anew: how long it was is not known
+    jumped: Mask  # (n,) before this sample the unit or its clock was reset: how long it was is not known
 
     def __len__(self) -> int:
         return len(self.gyro)
@@ -49,6 +53,24 @@ def joined(parts: list[Samples]) -> Samples:
         return None if any(array is None for array in arrays) else np.concatenate(arrays)
 
     return Samples(*(join(name) for name in Samples.__dataclass_fields__))  # type: ignore[arg-type]
+
+
+def usable_ones(fields: Fields, gyro: Array, accel: Array | None) -> Mask:
+    """Which samples hold numbers that a sensor can give."""
+    usable = np.asarray((np.abs(gyro) < LARGEST_RATE).all(axis=1))
+    if accel is not None:
+        usable &= (np.abs(accel) < LARGEST_FORCE).all(axis=1)
+    return usable if fields.usable is None else usable & fields.usable
+
+
+def to_next(jumped: Mask, usable: Mask) -> Mask:
+    """A jump before a sample that is left out is one before the next."""
+    moved = jumped.copy()
+    for place in np.flatnonzero(jumped & ~usable).tolist():
+        following = np.flatnonzero(usable[place:])
+        if len(following):
+            moved[place + following[0]] = True
+    return moved
 
 
 class Kind(NamedTuple):
@@ -77,8 +99,8 @@ class Report:
     lost_from: str  # how they are known: "counter", "clock" or "bytes"
     skipped: int  # bytes that belong to no whole frame
     clock_jumps: int  # times the unit's clock jumped
-    settings: int  # times the unit was found to be set anew: its layout, its rate
-    kinds: tuple[Kind, ...]  # what came, in order, where the unit was set anew to something else
+    settings: int  # times the unit was found to be reset: its layout, its rate
+    kinds: tuple[Kind, ...]  # what came, in order, where the unit was reset to something else
     saturated: int  # samples that the unit marks so
     sensor_fault: int
     findings: tuple[Finding, ...]  # assumptions and conflicts

@@ -16,7 +16,7 @@ from gyronorth.frames.framing import Framer, Frames, joined, split
 from gyronorth.frames.merging import first_of, merged
 from gyronorth.frames.protocol import Bytes, Fields, Options, Scale
 from gyronorth.frames.registry import protocol_of
-from gyronorth.frames.samples import Kind, Report, Samples
+from gyronorth.frames.samples import Kind, Report, Samples, to_next, usable_ones
 from gyronorth.frames.samples import joined as samples_joined
 from gyronorth.frames.spacing import Spacing
 
@@ -26,22 +26,24 @@ HELD = 64
 KINDS = 8
 #: Frames of one layout that must be there before it is taken: a false frame comes alone.
 CONFIRMED = 3
+#: Of frames that hold different data, what this share of them holds is read. Data at half the rate are in half of them.
+MOSTLY = 0.75
 #: Rates differ, where they are told twice, by more than this share.
 RATE_CONFLICT = 0.02
-#: Rates, rad/s, and specific forces, m/s^2, beyond these come from no sensor.
-LARGEST_RATE, LARGEST_FORCE = 1e5, 1e6
-
-
 _CHANGED = Finding(
     "configuration_changed",
     "The unit sent another configuration than at the start; its ranges and units are taken from there on.",
 )
-
-
 _RATE = "The unit sends at another rate than before, as {} shows; this one is taken from there on."
+_ASSUMED = "The frames carry no time: their rate is taken as {:g} Hz, which is usual for the unit. Declare --rate HZ."
 _OTHER_LAYOUT = Finding(
     "layout_changed",
     "The unit sends its inertial data in another layout than before; this one is taken from there on.",
+)
+_SLOWER_FORCE = Finding(
+    "force_left_out",
+    "The unit sends specific force less often than the rate, or in other messages; it is left out, and roll and pitch "
+    "are not measured. Set the unit to send both at the same rate in one message.",
 )
 
 
@@ -154,11 +156,13 @@ class FrameStream:
         return samples_joined(parts) if parts else None
 
     def _up_to_change(self, frames: Frames) -> tuple[Samples | None, Frames | None]:
-        """Samples up to where the unit was set anew, and the frames from there on, for which all is settled anew."""
+        """Samples up to where the unit was reset, and the frames from there on, for which all is settled again."""
         assert self._numbering is not None
         index = np.flatnonzero(self._ours(frames))
         fields = self._fields(frames, index) if len(index) else None
         shown, restarted = self._spacing.shown(frames, index)
+        if fields is not None and fields.accel is None:
+            self._look_for_force(split(frames, int(np.flatnonzero(self._alike(frames))[-1:].sum()))[0])
         change = self._change(frames, index, fields, shown)
         if change is None:
             return self._decode(frames, index, fields, shown, restarted), None
@@ -172,7 +176,7 @@ class FrameStream:
         return samples, after
 
     def _change(self, frames: Frames, index: Index, fields: Fields | None, shown: Index) -> int | None:
-        """The first frame of a unit set anew: another rate, by its configuration or its clock, or another layout."""
+        """The first frame after a reset: another rate, by the configuration or the clock, or another layout."""
         assert self._numbering is not None
         facts, self._told = np.flatnonzero(frames.layout < -1)[self._told :], 0
         for place in facts.tolist():
@@ -184,12 +188,20 @@ class FrameStream:
             if place is not None:
                 self._tell(Finding("rate_changed", _RATE.format("its clock")))
                 return int(index[place])
-        data = frames.layout >= 0
-        self._strange = int(data[index[-1] + 1 :].sum()) if len(index) else self._strange + int(data.sum())
+        data, last = frames.layout >= 0, np.flatnonzero(self._alike(frames))[-1:]
+        self._strange = int(data[last[0] + 1 :].sum()) if len(last) else self._strange + int(data.sum())
         if self._strange < HELD:
             return None
         self._tell(_OTHER_LAYOUT)
-        return int(index[-1]) + 1 if len(index) else 0
+        return int(last[0]) + 1 if len(last) else 0
+
+    def _look_for_force(self, frames: Frames) -> None:
+        """Tell of specific force that comes between the frames that are read, which hold none."""
+        if self._protocol.has_force is None or _SLOWER_FORCE in self._findings:
+            return
+        _, one_of_each = np.unique(frames.length << 1 | (frames.layout < 0), return_index=True)
+        if any(self._protocol.has_force(frames.rows(np.array([place]))[0]) for place in one_of_each.tolist()):
+            self._tell(_SLOWER_FORCE)
 
     def _is_new(self, fact: Bytes) -> bool:
         return not (self._facts and np.array_equal(fact, self._facts[-1]))
@@ -212,20 +224,29 @@ class FrameStream:
             return np.asarray(frames.layout == self._layout)
         return np.asarray((frames.layout >= 0) & (frames.layout & self._layout == self._layout))
 
+    def _alike(self, frames: Frames) -> Mask:
+        """Which frames hold what is read and nothing more that would be."""
+        ours = self._ours(frames)
+        if self._protocol.reads is not None and ours.any():
+            kinds, which = np.unique(frames.layout[ours], return_inverse=True)
+            ours[ours] = np.array([self._protocol.reads(kind) == self._layout for kind in kinds.tolist()])[which]
+        return ours
+
     def _settle(self, frames: Frames) -> bool:
         """Take a layout, its scale and its rate by the first `HELD` frames with data; False if there is none."""
         data = np.flatnonzero(frames.layout >= 0)
         end = int(data[min(HELD, len(data)) - 1]) + 1 if len(data) else len(frames)
         first, _ = split(frames, end)
         layouts, count = np.unique(first.layout[first.layout >= 0], return_counts=True)
+        covered = self._covered(layouts, count)
         confirmed = [
-            (self._protocol.rank(layout), -number, layout)
-            for layout, number in zip(layouts.tolist(), count.tolist(), strict=True)
+            (bool(share < MOSTLY), self._protocol.rank(layout), -number, layout)
+            for layout, number, share in zip(layouts.tolist(), count.tolist(), covered, strict=True)
             if number >= CONFIRMED
         ]
         if not confirmed:
             return False
-        layout = min(confirmed)[2]
+        layout = min(confirmed)[3]
         self._layout = layout = layout if self._protocol.reads is None else self._protocol.reads(layout)
         stated = np.flatnonzero(first.layout < -1)
         self._told = len(stated)
@@ -257,6 +278,13 @@ class FrameStream:
         self._spacing.settle(first, index)
         return True
 
+    def _covered(self, layouts: Index, count: Index) -> list[float]:
+        """Of the frames with data, the share that holds what is read of each layout."""
+        if self._protocol.reads is None:
+            return [1.0] * len(layouts)
+        reads = [self._protocol.reads(layout) for layout in layouts.tolist()]
+        return [float(count[(layouts & read) == read].sum() / count.sum()) for read in reads]
+
     def _needs_rate(self) -> bool:
         return self._scale.gyro_increments or self._scale.accel_increments
 
@@ -272,6 +300,8 @@ class FrameStream:
         if not known:
             return
         self._rate, self._rate_from = known[0]
+        if len(known) == 1 and self._rate_from == told[-1][1]:
+            self._tell(Finding("rate_assumed", _ASSUMED.format(self._rate), value=self._rate))
         for rate, source in known[1:]:
             usual_only = self._rate_from == "declared"  # what is usual says nothing against a declaration
             if not usual_only and abs(rate / self._rate - 1) > RATE_CONFLICT:
@@ -304,7 +334,7 @@ class FrameStream:
                     accel[after] = new_accel[after]
         if fields is None:
             return None
-        usable = _usable(fields, gyro, accel)
+        usable = usable_ones(fields, gyro, accel)
         self._unusable += int((~usable).sum())
         return self._samples_of(fields, gyro, accel, frames.start[index], usable, shown, restarted)
 
@@ -323,7 +353,7 @@ class FrameStream:
         if t is None and self._rate is not None:
             t = self._zero[1] + (number - self._zero[0]) / self._rate
             self._latest = (int(number[-1]), float(t[-1]))
-        jumped = _to_next(jumped, usable)
+        jumped = to_next(jumped, usable)
         if not usable.any():
             return None
         none = np.zeros(len(gyro), bool)
@@ -366,20 +396,3 @@ class FrameStream:
         groups = [np.flatnonzero(kinds == value) for value in values]
         parts = [self._protocol.fields(frames.rows(index[group]), self._layout) for group in groups]
         return merged(parts, np.concatenate(groups)) if len(parts) > 1 else parts[0]
-
-
-def _usable(fields: Fields, gyro: Array, accel: Array | None) -> Mask:
-    usable = np.asarray((np.abs(gyro) < LARGEST_RATE).all(axis=1))
-    if accel is not None:
-        usable &= (np.abs(accel) < LARGEST_FORCE).all(axis=1)
-    return usable if fields.usable is None else usable & fields.usable
-
-
-def _to_next(jumped: Mask, usable: Mask) -> Mask:
-    """A jump before a sample that is left out is one before the next."""
-    moved = jumped.copy()
-    for place in np.flatnonzero(jumped & ~usable).tolist():
-        following = np.flatnonzero(usable[place:])
-        if len(following):
-            moved[place + following[0]] = True
-    return moved

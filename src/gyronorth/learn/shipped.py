@@ -19,13 +19,13 @@ from gyronorth.published import LATITUDE, SESSION, published_twin
 
 SEED = 20240501
 SOURCE = (
-    "published twin: mean rates of 60 real SDC500 recordings (arXiv 2312.12121), so that the biases are real, with "
-    "simulated white noise; split 42/7/11 by recording"
+    "published reconstruction: mean rates of 60 real SDC500 recordings (arXiv 2312.12121), so that the biases are "
+    "real, with simulated white noise; split 42/7/11 by recording"
 )
 
 
 def twin_data(settings: Settings) -> TrainingData:
-    """Both 100 s windows of each recording of the twin, split by recording in the paper's ratio 24/4/6."""
+    """Both 100 s windows of each recording of the reconstruction, split by recording in the paper's ratio 24/4/6."""
     rng = np.random.default_rng([SEED, settings.seed])
     twin = published_twin(rate_hz=settings.rate_hz, rng=rng)
     gyro_l, heading, recording = twin.windows(settings.samples / settings.rate_hz)

@@ -39,9 +39,9 @@ class LiveEstimate:
 class Estimation:
     """Samples in, estimates out, about once a second."""
 
-    def __init__(self, done: Callable[[LiveEstimate | None, str | None], None]) -> None:
-        """`done` gets each new estimate, or the message of why there can be none."""
-        self._done = done
+    def __init__(self, done: Callable[[LiveEstimate | None, str | None], None], *, any_method: bool = True) -> None:
+        """`done` gets each new estimate, or the message of why there can be none; with `any_method` all are warmed."""
+        self._done, self._any_method = done, any_method
         self._condition = Condition()
         self._waiting: list[tuple[Array, Array | None]] = []
         self._count = 0
@@ -85,7 +85,8 @@ class Estimation:
             self._condition.wait_for(lambda: not self._flushing or not self._thread.is_alive(), timeout=60)
 
     def _run(self) -> None:
-        _warm()
+        if self._any_method:
+            _warm()
         fresh = False  # whether samples came since the last estimate
         while True:
             with self._condition:

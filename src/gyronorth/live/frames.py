@@ -81,7 +81,7 @@ class FrameReader:
         self._latest = undecided + data
         samples = stream.feed(data)
         if stream.report.settings > before:
-            self._why = "the unit was set anew: it sends at another rate or in another layout"
+            self._why = "the unit was reset: it sends at another rate or in another layout"
             place = max(stream.changed_at - start, 0)
             old = max(place - len(undecided), 0)
             self._raw_parts.append((self._raw_anew, bytes(self._raw) + data[:old]))

@@ -125,9 +125,9 @@ class Holding:
         time = (self._samples - stand.sample) / self._rate_hz
         grown = self._grown(stand, time)
         heading, roll, pitch = (float(angle) for angle in _angles(self._now))
-        shown = estimate.heading if estimate.valid else None
-        if shown is not None and abs(wrap(heading - shown)) < MOVED + MOVED_SIGMAS * grown:
-            return None
+        shown, moved = estimate.heading if estimate.valid else None, MOVED + MOVED_SIGMAS * grown
+        if shown is not None and min(abs(wrap(heading - shown)), abs(self._turned)) < moved:
+            return None  # the estimate has caught up, or grows more certain while the unit stands
         sigma = float(np.hypot(stand.sigma, grown))
         if time > LONGEST or sigma > (LARGEST_SIGMA if limit is None else limit):
             return None

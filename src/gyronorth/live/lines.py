@@ -159,6 +159,11 @@ class LineReader:
         try:
             text = line.decode().strip()
         except UnicodeDecodeError:
+            titles = [
+                field.strip() for field in line.decode("latin-1").split(",")
+            ]  # degrees and squares of old programs
+            if self.form is None and all(title.isprintable() and title and not _is_number(title) for title in titles):
+                self._unmapped = titles
             self._bad(line)
             return
         if text.startswith("#") and text.replace("\t", " ").isprintable():

@@ -12,6 +12,8 @@ from gyronorth.live.events import Bytes, ByteSource, SourceEvent
 
 #: Of a line without an end so much is kept.
 LONGEST = 1024
+#: Quality of GGA and mode of RMC that are no fix of a receiver: none, typed in, simulated.
+_NO_FIX, _NO_MODE = (b"", b"0", b"7", b"8"), (b"N", b"M", b"S")
 _SENTENCE = re.compile(rb"\$([A-Z]{2})(GGA|RMC),([ -)+-~]*)\*([0-9A-Fa-f]{2})")
 
 
@@ -24,7 +26,10 @@ def latitude_of(line: bytes) -> float | None:
     if reduce(lambda total, byte: total ^ byte, body, 0) != int(match[4], 16):
         return None
     fields = match[3].split(b",")
-    place, fix = (1, fields[5:6] not in ([b""], [b"0"], [])) if match[2] == b"GGA" else (2, fields[1:2] == [b"A"])
+    if match[2] == b"GGA":
+        place, fix = 1, len(fields) > 5 and fields[5] not in _NO_FIX
+    else:
+        place, fix = 2, fields[1:2] == [b"A"] and fields[11:12] not in [[mode] for mode in _NO_MODE]
     angle, half = re.fullmatch(rb"(\d{2})(\d{2}(?:\.\d+)?)", b"".join(fields[place : place + 1])), fields[place + 1 :]
     if not fix or angle is None or half[:1] not in ([b"N"], [b"S"]):
         return None

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.frames import recognise
 from gyronorth.frames.recognition import LOOK
 from gyronorth.live.frames import FrameReader
 from gyronorth.live.lines import LineReader
 from gyronorth.live.rows import RowBatch, Tally
+from gyronorth.live.texts import TextReader
+from gyronorth.readers.asking import OpenQuestion
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Facts
 
 #: Bytes that are looked at for the first time, and by how much more than the last time each time after.
 FIRST_LOOK, GROWTH = 64, 1.5
+#: Lines by which the layout of a text that is not ours is told.
+TOLD_BY = 40
 #: What `protocol` is for lines of numbers, and before anything is known.
 LINES, UNKNOWN = "lines", ""
 
@@ -37,7 +42,9 @@ class StreamReader:
         self._name, self._options = name, options
         self._held = b""  # bytes by which the protocol may still be told
         self._next_look = FIRST_LOOK
-        self._reader: LineReader | FrameReader = LineReader(name, options)
+        self._next_lines = TOLD_BY
+        self._refused: InputError | None = None  # why these are no lines of ours
+        self._reader: LineReader | FrameReader | TextReader = LineReader(name, options)
         self._settled = options.protocol is not None
         if options.protocol is not None:
             self._reader = FrameReader(name, options.protocol, options)
@@ -70,7 +77,7 @@ class StreamReader:
 
     def datagram(self, data: bytes) -> bytes:
         """The bytes of a datagram: lines in it are whole, with or without an end."""
-        lines = isinstance(self._reader, LineReader)
+        lines = not isinstance(self._reader, FrameReader)
         return data + b"\n" if lines and not data.endswith(b"\n") else data
 
     def push(self, data: bytes) -> list[RowBatch]:
@@ -79,13 +86,16 @@ class StreamReader:
             self._held += data
             if self._looked():
                 data, self._held = self._held, b""
-        batches = self._reader.push(data)
+        batches = self._lines(data)
         if isinstance(self._reader, LineReader) and (self._reader.form is not None or len(self._held) > LOOK):
             self._settled, self._held = True, b""
         return batches
 
     def end(self) -> list[RowBatch]:
         """The last rows."""
+        if self._refused is not None or (not self._settled and self._held and self._reader.form is None):
+            batches = self._as_text()
+            return [*batches, *self._reader.end()]
         return self._reader.end()
 
     def cut(self) -> None:
@@ -104,6 +114,40 @@ class StreamReader:
     def raw(self) -> list[tuple[bool, bytes]]:
         """Bytes of frames since last asked, each with whether they begin a new file; none of lines, which rows keep."""
         return self._reader.raw() if isinstance(self._reader, FrameReader) else []
+
+    def _lines(self, data: bytes) -> list[RowBatch]:
+        """Rows of lines of ours, else of a text in another layout as soon as enough of it is there."""
+        batches: list[RowBatch] = []
+        if self._refused is None:
+            try:
+                batches = self._reader.push(data)
+            except InputError as error:
+                if self._settled or not isinstance(self._reader, LineReader):
+                    raise
+                self._refused = error
+        if self._refused is None and (self._settled or self._reader.form is not None):
+            return batches
+        count = self._held.count(b"\n")
+        if count < self._next_lines and (self._refused is None or len(self._held) <= LOOK):
+            return batches
+        self._next_lines = int(count * GROWTH)
+        return self._as_text()
+
+    def _as_text(self) -> list[RowBatch]:
+        """The rows that are held, read as the first lines of a file are."""
+        held = self._held
+        try:
+            reader = TextReader(self._name, held[: held.rfind(b"\n") + 1] or held, self._options)
+        except InputError as error:
+            if self._refused is not None or isinstance(error, OpenQuestion):
+                raise self._better(error) from None
+            return []
+        self._reader, self._settled, self._held, self._refused = reader, True, b"", None
+        return reader.push(held)
+
+    def _better(self, error: InputError) -> InputError:
+        """What asks for the least: a question with its answer, else why these are no lines of ours."""
+        return error if isinstance(error, OpenQuestion) or self._refused is None else self._refused
 
     def _looked(self) -> bool:
         """Whether frames are recognised now."""

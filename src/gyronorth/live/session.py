@@ -86,7 +86,7 @@ class Session:
         self._queue: queue.Queue[SourceEvent | Command] = queue.Queue(MOST_PIECES)
         self._stop = Event()
         self._recorder = None if settings.save is None else Recorder(settings.save)
-        self._estimation = Estimation(self._estimated)
+        self._estimation = Estimation(self._estimated, any_method=settings.method == "auto")
         self._raw_recorder = None if settings.save is None else RawRecorder(settings.save)
         self._reader = StreamReader(source.name, settings.reading)
         self._stretch: Stretch | None = None

@@ -7,15 +7,14 @@ batch by batch, so that the recording of the stretch reads back to the same samp
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, Mask
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.live.rows import Form, LiveRows
-from gyronorth.readers.axes import in_axes
-from gyronorth.readers.declared import resolve
-from gyronorth.readers.grid import LARGEST_FORCE, LARGEST_RATE, MOST_MISSING, GridBuilder
+from gyronorth.readers.declared import Declared
+from gyronorth.readers.grid import MOST_MISSING
+from gyronorth.readers.grid_stream import GridStream
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import check_axes, check_flags, check_units
 from gyronorth.readers.source import Bad, Block, Clock, Facts, Source
@@ -45,8 +44,9 @@ class Stretch:
         clock = Clock(unit=1.0) if form.time else None
         self.form, self.stated = form, stated
         usual, decoded = form.decoded or Facts(), form.decoded is not None
-        self._source = Source("live", name, form.columns, lambda: iter(()), stated, usual, clock=clock, decoded=decoded)
-        self.declared = resolve(self._source, options)
+        source = Source("live", name, form.columns, lambda: iter(()), stated, usual, clock=clock, decoded=decoded)
+        self._stream = GridStream(source, options)
+        self.declared: Declared = self._stream.declared
         if self.declared.latitude is None:
             raise InputError(
                 "The latitude is not known: neither given nor in the stream. Pass --latitude DEG (north positive); "
@@ -57,7 +57,6 @@ class Stretch:
         self.longest_gap = 0  # samples that were missing at one place, among the latest rows
         self.strays = 0  # rows left out before they came here: their time repeats or runs backwards
         self.objection: Finding | None = None  # what the checks of units and axes say
-        self._regulariser = GridBuilder(self._source, self.declared, options)
         self._rows = 0
         self._looking: list[LiveRows] | None = [] if form.time else None
         self._checked: list[Array] | None = []
@@ -73,12 +72,12 @@ class Stretch:
     def rate_hz(self) -> float | None:
         """Sample rate, Hz; None while it is being measured."""
         settled = self._looking is None or self.declared.rate_hz is not None
-        return self._regulariser.rate_hz if settled else None
+        return self._stream.regulariser.rate_hz if settled else None
 
     @property
     def missing(self) -> int:
         """Samples that were missing and are bridged."""
-        return self._regulariser.missing
+        return self._stream.regulariser.missing
 
     def findings(self) -> tuple[Finding, ...]:
         """Why no heading of this stretch can be used, whatever it looks like."""
@@ -94,17 +93,12 @@ class Stretch:
                 "Likely the times are too coarse: leave them out (--columns t=-) and declare --rate."
             )
             found.append(Finding("gaps", message, share, MOST_MISSING))
-        found += check_flags(self._regulariser.flagged, self.samples, name=self._source.name)
+        found += check_flags(self._stream.regulariser.flagged, self.samples, name=self._stream.source.name)
         return tuple(found)
 
-    def usable(self, rows: LiveRows) -> NDArray[np.bool_]:
+    def usable(self, rows: LiveRows) -> Mask:
         """Which rows are plausible: within any sensor's range, and not all forces zero."""
-        data = rows.values[:, self.form.time :] * self.declared.scale(1.0)
-        limit = np.array([LARGEST_RATE] * 3 + [LARGEST_FORCE] * (data.shape[1] - 3))
-        usable: NDArray[np.bool_] = np.asarray((np.abs(data) <= limit).all(axis=1))
-        if data.shape[1] == 6:
-            usable &= (data[:, 3:] != 0).any(axis=1)
-        return usable
+        return self._stream.usable(rows.values)
 
     def push(self, rows: LiveRows) -> tuple[Array, Array | None]:
         """Gyro and accelerometer samples, (n, 3), SI in body axes, that the rows add."""
@@ -115,7 +109,7 @@ class Stretch:
             span = held[-1].values[-1, 0] - held[0].values[0, 0] if held else 0.0
             look = LOOK_MEASURE if self.declared.rate_hz is None else LOOK_DECLARED
             if span < look and sum(map(len, held)) < LOOK_ROWS:
-                return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
+                return self._stream.in_body_axes(np.zeros((0, self._stream.width)))
             rows, self._looking = LiveRows.joined(held), None
         return self._gridded(rows)
 
@@ -123,31 +117,23 @@ class Stretch:
         """What was still looked at, or waited for later stamps, at the end of the stream."""
         held, self._looking = self._looking, None
         if held is not None and sum(map(len, held)) < 2:
-            return self._split(np.zeros((0, len(self.declared.scale(1.0)))))
+            return self._stream.in_body_axes(np.zeros((0, self._stream.width)))
         return self._gridded(LiveRows.joined(held) if held else None, last=True)
 
     def _gridded(self, rows: LiveRows | None, *, last: bool = False) -> tuple[Array, Array | None]:
-        samples = np.zeros((0, len(self.declared.scale(1.0))))
+        samples = np.zeros((0, self._stream.width))
         if rows is not None and len(rows):
             numbers = np.arange(self._rows + 1, self._rows + 1 + len(rows))
             self._rows += len(rows)
-            samples = self._regulariser.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
+            samples = self._stream.regulariser.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
         if last:
-            samples = np.concatenate([samples, self._regulariser.flush()])
+            samples = np.concatenate([samples, self._stream.regulariser.flush()])
         self.samples += len(samples)
-        self.gaps += len(self._regulariser.gaps)
-        self.longest_gap = max((gap.samples for gap in self._regulariser.gaps), default=0)
-        self._regulariser.gaps.clear()
+        self.gaps += len(self._stream.regulariser.gaps)
+        self.longest_gap = max((gap.samples for gap in self._stream.regulariser.gaps), default=0)
+        self._stream.regulariser.gaps.clear()
         self._check(samples)
-        return self._split(samples)
-
-    def _split(self, samples: Array) -> tuple[Array, Array | None]:
-        parts = [samples[:, :3], samples[:, 3:] if samples.shape[1] == 6 else None]
-        mat = self.declared.mat_vf
-        if mat is not None:
-            parts = [None if part is None else in_axes(part, mat) for part in parts]
-        assert parts[0] is not None
-        return parts[0], parts[1]
+        return self._stream.in_body_axes(samples)
 
     def _check(self, samples: Array) -> None:
         """Units and axes against Earth rate and gravity, on twice as much each time."""
@@ -165,9 +151,9 @@ class Stretch:
 
     def _objection(self, samples: Array, rate_hz: float) -> Finding | None:
         try:
-            check_units(samples, self.declared, rate_hz=rate_hz, name=self._source.name)
+            check_units(samples, self.declared, rate_hz=rate_hz, name=self._stream.source.name)
         except InputError as error:
             return Finding("units_suspect", str(error))
-        notes = check_axes(samples, self.declared, name=self._source.name)
+        notes = check_axes(samples, self.declared, name=self._stream.source.name)
         blocking = [Finding(note.code, note.message, note.value, note.limit) for note in notes if note.blocking]
         return blocking[0] if blocking else None

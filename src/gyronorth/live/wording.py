@@ -72,7 +72,8 @@ def _estimate_lines(estimate: HeadingEstimate) -> list[str]:
         )
     lines.append(f"{duration_text(estimate.duration)} used, method {estimate.method} ({estimate.method_reason})")
     if doc["roll_deg"] is not None:
-        lines.append(f"roll {doc['roll_deg']:.2f}°, pitch {doc['pitch_deg']:.2f}°")
+        roll, pitch = (round(doc[name], 2) + 0.0 for name in ("roll_deg", "pitch_deg"))  # no -0.00
+        lines.append(f"roll {roll:.2f}°, pitch {pitch:.2f}°")
     return lines
 
 
@@ -112,6 +113,8 @@ def _motion(status: Status) -> tuple[str, str, str, list[str]]:
     estimate = status.estimate
     if estimate is None:
         return "Motion", "off", "not known yet", []
+    if status.held is not None:
+        return "Motion", "care", "moved", [f"Last stood still {duration_text(round(status.held.since, 0))} ago."]
     moved = [finding.message for finding in estimate.reasons if finding.code == "motion"]
     if moved:
         return "Motion", "bad", "moved", moved
@@ -128,6 +131,8 @@ def _validity(status: Status) -> tuple[str, str, str, list[str]]:
     if estimate is None:
         return "Heading", "off", "none yet", []
     warnings = [finding.message for finding in estimate.warnings if finding.code != "swaying"]
+    if estimate.valid and status.held is not None:
+        return "Heading", "care", "held", ["It is carried on by the gyro until the unit stands still again.", *warnings]
     if estimate.valid:
         return "Heading", "ok", "valid", warnings
     return "Heading", "bad", "must not be used", [finding.message for finding in estimate.reasons] + warnings

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
-import tempfile
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -72,6 +70,8 @@ def at_hand(address: str) -> Generator[Path]:
     elif address.startswith("file://"):
         yield Path(unquote(urlsplit(address).path))
     else:
+        import tempfile
+
         with tempfile.TemporaryDirectory(prefix="gyronorth-") as folder:
             path = Path(folder, PurePosixPath(unquote(urlsplit(address).path)).name or "recording")
             _fetch(address, path)
@@ -92,6 +92,8 @@ def state_of(address: str) -> str:
 
 def checksum_of(path: Path) -> str:
     """SHA-256 of a file, or of the names and contents of the files of a folder (a bag of ROS 2)."""
+    import hashlib
+
     if path.is_dir():
         digest = hashlib.sha256()
         for file in sorted(file for file in path.rglob("*") if file.is_file()):

@@ -7,12 +7,16 @@ is guessed. `read` gives a whole recording, `read_chunks` a stream of bounded me
 
 from __future__ import annotations
 
-from gyronorth.readers.describing import Description, describe
-from gyronorth.readers.formats.rosbag import is_bag_folder
+from typing import TYPE_CHECKING, Any
+
+from gyronorth.readers.bag_folder import is_bag_folder
 from gyronorth.readers.options import ReadOptions, parse_columns
 from gyronorth.readers.reading import RecordingInfo, read, read_chunks
 from gyronorth.readers.registry import FORMATS, recordings_in
-from gyronorth.readers.writing import write, write_chunks
+
+if TYPE_CHECKING:
+    from gyronorth.readers.describing import Description, describe
+    from gyronorth.readers.writing import write, write_chunks
 
 __all__ = [
     "FORMATS",
@@ -28,3 +32,14 @@ __all__ = [
     "write",
     "write_chunks",
 ]
+
+#: Names that a heading has no need of -> the module that they come from, imported when they are first asked for.
+_HOMES = {"Description": "describing", "describe": "describing", "write": "writing", "write_chunks": "writing"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -12,9 +12,8 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from gyronorth.errors import InputError
-from gyronorth.readers.formats.npy import pickled
-from gyronorth.readers.formats.rosbag import METADATA
-from gyronorth.readers.library import errors_translated
+from gyronorth.readers.bag_folder import METADATA
+from gyronorth.readers.library import errors_translated, pickled
 from gyronorth.readers.spool import SUFFIXES, Spooled, most_of
 
 MAGIC = b"PK\x03\x04"

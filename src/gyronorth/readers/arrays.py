@@ -33,7 +33,7 @@ from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Question
 from gyronorth.readers.spellings import ACCEL_SPELLINGS, GYRO_SPELLINGS, TIME_SPELLINGS, spelled
 from gyronorth.readers.text_clock import find_clock
-from gyronorth.readers.titles import Title, take_apart
+from gyronorth.readers.titles import Title, last_part, take_apart
 
 #: More columns in one array: it is no recording.
 MOST_COLUMNS = 256
@@ -193,31 +193,29 @@ def choose(
             titles, where = under(there, matrix, name, mark=mark), f"variable {matrix} of {name}"
         listed = list(titles)
         bare = all(title.isdigit() for title in listed)
-        by = Named() if options.columns else _by_columns(titles, look, options, where, bare=bare)
+        by = Named() if options.columns else _by_columns(titles, look, options, where, mark, bare=bare)
         declared = options.columns or by.columns or None
         positions = choose_columns(len(listed) if bare else listed, declared, aliases, where, needed=options.needed)
         named = {ours: listed[positions[ours]] for ours in NAMES if ours in positions}
-        both = len(by.increments) == 2
-        stated = Facts(
-            gyro_unit=by.gyro_unit,
-            accel_unit=by.accel_unit,
-            increments="both" if both else next(iter(by.increments), False),
-        )
+        increments = "both" if len(by.increments) == 2 else next(iter(by.increments), False)
+        stated = Facts(gyro_unit=by.gyro_unit, accel_unit=by.accel_unit, increments=increments)
         found = Chosen({ours: titles[title] for ours, title in named.items()}, named, stated, questions=by.questions)
     rows = {title: column.rows for title, column in found.columns.items()}
     if len(set(rows.values())) > 1:
         lengths = ", ".join(f"{title} {count}" for title, count in rows.items())
         raise InputError(f"The columns of {name} differ in length: {lengths} rows.")
-    return found if TIME not in found.columns else _with_clock(found, look, options)
+    return found if TIME not in found.columns else _with_clock(found, look, options, mark)
 
 
-def _with_clock(chosen: Chosen, look: Callable[[Column], NDArray[np.float64]], options: ReadOptions) -> Chosen:
+def _with_clock(
+    chosen: Chosen, look: Callable[[Column], NDArray[np.float64]], options: ReadOptions, mark: str
+) -> Chosen:
     """The clock by title, steps and what is declared; that of a known layout is in seconds."""
     title = chosen.titles[TIME]
     layout = first_rows((title,), [look(chosen.columns[TIME])])
     known = options.rate_hz or chosen.stated.rate_hz
     unit = options.time_unit or ("s" if chosen.usual != Facts() else None)
-    parts = [Title("time", ()) if title.isdigit() else take_apart(re.split(r"[./]", title)[-1])]
+    parts = [Title("time", ()) if title.isdigit() else take_apart(last_part(title, mark))]
     clock = find_clock(layout, parts, 0, unit, known)
     questions = (*chosen.questions, *([clock.question] if clock.question else []))
     return replace(chosen, clock=clock.clock, questions=questions)
@@ -228,6 +226,7 @@ def _by_columns(
     look: Callable[[Column], NDArray[np.float64]],
     options: ReadOptions,
     where: str,
+    mark: str,
     *,
     bare: bool,
 ) -> Named:
@@ -239,7 +238,7 @@ def _by_columns(
     values = [look(titles[title]) if titles[title].rows == rows else np.full(1, np.nan) for title in listed]
     layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
-        return by_titles(layout, [take_apart(re.split(r"[./]", title)[-1]) for title in listed], options, None)
+        return by_titles(layout, [take_apart(last_part(title, mark)) for title in listed], options, None)
     found = by_numbers(layout)
     if found is None:
         return _numbered(where, len(titles))

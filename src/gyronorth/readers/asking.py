@@ -22,7 +22,12 @@ class OpenQuestion(InputError):
         self.text = text
         self.certain = certain
         self.added = tuple(added)
+        self._made_of = (text, path, tuple(kept), self.added, certain)
         super().__init__(f"{text}\n{TRY}{shlex.join(['info', path, *merged(kept, added)])}")
+
+    def __reduce__(self) -> tuple[type[OpenQuestion], tuple[object, ...]]:
+        """So that it can be sent from the process that opened the file."""
+        return type(self), self._made_of
 
     def for_command(self, arguments: Sequence[str]) -> str:
         """The same message with the command line that was given, as the user gave it."""

@@ -45,6 +45,9 @@ RARE_TICK = 5e-3
 LAG, ALIKE = 0.125, 0.5
 #: Fractions of an interval at random have a median size of 0.25; below this they show a phase.
 CLEAR = 0.2
+#: Steps so close to whole ticks, in ticks, and all but this share of them, are rounded; ticks that hold several rows
+#: leave fewer steps than the second share, and more rows than most are in a larger share of ticks than the third.
+ON_TICK, ALIKE_ROWS, BEYOND = 0.02, 0.8, 0.004
 #: What a good interval leaves of the envelope, in intervals, once the losses are taken out; what the best may leave.
 FLAT, UNSTEADY = 1.0, 3.5
 
@@ -194,6 +197,8 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     mean = _straight(step, unit, width)
     if mean is not None or (common and found.flat and found.lost <= MOST_LOST * len(step)):
         return mean or found.interval
+    if _beyond_ticks(step):
+        return np.nan
     bursts = _of_bursts(step)
     fits = [found, _refined(step, _of_lags(step) if bursts is None else bursts, unit)]
     best = min(fits, key=lambda fit: fit.spread if fit.lost <= MOST_LOST * len(step) else np.inf)
@@ -281,6 +286,20 @@ def _of_bursts(step: NDArray[np.float64]) -> float | None:
     if alike.mean() < ALIKE:
         return None
     return float(median(periods) / rows[alike].mean())
+
+
+def _beyond_ticks(step: NDArray[np.float64]) -> bool:
+    """Whether stamps stand on ticks, and some ticks hold more rows than most do, while samples are lost at random.
+
+    A tick that holds two rows, and now and then three, is more than two intervals long; how much more, the losses hide.
+    """
+    positive = step[step > 0]
+    tick = float(median(positive))
+    whole = positive / tick
+    if float(np.mean(abs(whole - np.rint(whole)) < ON_TICK)) < 1 - ON_TICK or (step > 0).mean() > ALIKE_ROWS:
+        return False
+    rows = np.diff(np.flatnonzero(step > 0))
+    return len(rows) > 0 and float(np.mean(rows > (1 + USUAL) * median(rows))) > BEYOND
 
 
 def _of_lags(step: NDArray[np.float64]) -> float:

@@ -19,6 +19,7 @@ from gyronorth.readers.titles import Title, Triple, label, triples
 
 #: Words of columns that stand beside those that are meant.
 _BESIDE = ("linear", "raw", "uncal", "adc", "lsb")
+_WORDS = {"gyro": "angular rate", "accel": "specific force"}
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
             plain = [each for each in candidates if not any(word in each.label.lower() for word in _BESIDE)]
             candidates = plain or candidates
             triple = candidates[0] if candidates else None
-            if len(candidates) > 1:
-                questions.append(_which(kind, ours, candidates, titles))
+            needed = ours == options.needed
+            questions += _doubts(kind, candidates, parts, titles, columns if needed else None)
             if triple is not None:
                 columns |= {name: _name(i, titles) for name, i in zip(ours, triple.positions, strict=True)}
                 units[kind] = triple.unit
@@ -131,12 +132,38 @@ def told(columns: Mapping[str, int], titles: Sequence[str], units: Mapping[str, 
 
 
 def _which(kind: str, ours: tuple[str, ...], candidates: Sequence[Triple], titles: Sequence[str]) -> Question:
-    word = "angular rate" if kind == "gyro" else "specific force"
+    word = _WORDS[kind]
     listed = "; ".join(
         columns_text({name: _name(i, titles) for name, i in zip(ours, each.positions, strict=True)})
         for each in candidates
     )
     return Question(f"{len(candidates)} triples may be the {word}: {listed}. Which one is meant?", (), certain=False)
+
+
+def _doubts(
+    kind: str,
+    candidates: Sequence[Triple],
+    parts: Sequence[Title],
+    titles: Sequence[str],
+    columns: dict[str, str | int] | None,
+) -> list[Question]:
+    """Which of several triples is meant; of none, the columns x, y, z are put into `columns` where there is one."""
+    ours = RATES if kind == "gyro" else FORCES
+    if len(candidates) > 1:
+        return [_which(kind, ours, candidates, titles)]
+    bare = None if candidates or columns is None else bare_triple(parts)
+    if bare is None or columns is None:
+        return []
+    columns |= {name: _name(i, titles) for name, i in zip(ours, bare, strict=True)}
+    says = f"Only {', '.join(titles[i] for i in bare)} may be the {_WORDS[kind]}, and no title says so."
+    return [Question(says, ("--columns", columns_text(columns)), certain=False)]
+
+
+def bare_triple(parts: Sequence[Title]) -> tuple[int, int, int] | None:
+    """The only three columns x, y, z, where their titles say no more."""
+    bare = [(i, part.axis) for i, part in enumerate(parts) if not (part.kind or part.words)]
+    at = [[i for i, its in bare if its == axis] for axis in range(3)]
+    return (at[0][0], at[1][0], at[2][0]) if all(len(each) == 1 for each in at) else None
 
 
 def _check_agreed(units: Sequence[tuple[str, str | None, float]]) -> None:

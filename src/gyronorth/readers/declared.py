@@ -86,6 +86,8 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
     stated, usual, name = source.stated, source.usual, source.name
     if source.decoded:
         options = replace(options, gyro_unit=None, accel_unit=None, increments=None)
+        if source.usual.rate_hz or (source.clock is not None and source.clock.unit is not None):
+            options = replace(options, rate_hz=None)  # the frames have settled it, and told of a conflict
     has_accel = FORCES[0] in source.columns
     gyro_unit = _unit("gyro", options.gyro_unit, stated.gyro_unit, usual.gyro_unit, name)
     accel_unit = _unit("accel", options.accel_unit, stated.accel_unit, usual.accel_unit, name) if has_accel else ""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from gyronorth.arrays import median
+from gyronorth.arrays import median, robust_noise
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 
@@ -121,12 +121,10 @@ def robust_mean(values: NDArray[np.float64], most: int = PARTS) -> tuple[NDArray
 
 
 def sample_noise(values: NDArray[np.float64]) -> float:
-    """Standard deviation of the white noise, from first differences: their median size ignores a drive."""
+    """Standard deviation of the white noise of the middle one of the axes."""
     if len(values) < 2:
         return 0.0
-    size = np.array([median(np.abs(np.diff(axis))) for axis in values.T])  # one at a time: of the recording's size
-    # A Gaussian difference of standard deviation s sqrt(2) has a median size of 0.6745 s sqrt(2).
-    return float(median(size)) / (0.6745 * np.sqrt(2))
+    return float(median(np.array([robust_noise(axis) for axis in values.T])))  # one at a time: of the recording's size
 
 
 def is_whole(values: NDArray[np.float64]) -> bool:

@@ -29,6 +29,7 @@ def held_source(
     *,
     holds: str = "",
     looked_into: bool = False,
+    mark: str = ".",
 ) -> Source:
     """The recording in named arrays.
 
@@ -48,6 +49,8 @@ def held_source(
         What the file holds, for messages; by default the shapes.
     looked_into : bool, optional
         Whether a part of an array costs no more than that part: then a long file is described from places of it.
+    mark : str, optional
+        What stands between a group and what is in it.
 
     Raises
     ------
@@ -73,7 +76,7 @@ def held_source(
         with np.errstate(invalid="ignore", over="ignore"):  # a damaged file holds signalling NaN too
             return values[part].astype(np.float64, copy=False)
 
-    chosen = choose(there, scalars, partial(numbers, part=slice(0, BLOCK_ROWS)), options, name, holds=listed)
+    chosen = choose(there, scalars, partial(numbers, part=slice(0, BLOCK_ROWS)), options, name, holds=listed, mark=mark)
     columns = list(chosen.columns.values())
     rows = columns[0].rows
 

@@ -283,6 +283,8 @@ def _titles(
                 continue
             return None, (), None
         if all(is_number(cell, decimal) for cell in fields if cell):
+            if len(fields) == width and not all(fields):  # a row with empty fields
+                continue
             return None, (), None
         if unit_row is None and all(is_unit(cell) for cell in fields) and any(fields) and len(fields) == width:
             unit_row = row

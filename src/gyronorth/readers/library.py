@@ -1,4 +1,4 @@
-"""Libraries of the extra `io`: imported by the reader that needs one, their errors turned into one message."""
+"""Libraries of the extras for files: imported by the reader that needs one, their errors turned into one message."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 from gyronorth.errors import InputError
 
 
-def library(module: str, file: str, format: str) -> Any:
-    """A module of the extra `io`.
+def library(module: str, file: str, format: str, extra: str = "io") -> Any:
+    """A module of an extra.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def library(module: str, file: str, format: str) -> Any:
     except ImportError:
         raise InputError(
             f"{file}: {format} needs {module.partition('.')[0]}, which is not installed. Install it with: pip install "
-            "'gyronorth[io]'."
+            f"'gyronorth[{extra}]'."
         ) from None
 
 
@@ -62,3 +62,11 @@ def check_whole(path: Path, magic: bytes, *, what: str, cut_off: str) -> None:
         raise InputError(f"{path.name} is no {what} file: it does not begin as one.")
     if tail != magic or path.stat().st_size < 2 * len(magic):
         raise InputError(f"{path.name} is cut off: {cut_off}")
+
+
+def pickled(name: str) -> str:
+    """What there is to say of pickled objects."""
+    return (
+        f"{name} holds pickled Python objects, which may run any program when they are loaded; they are never loaded "
+        "here. Save the numbers alone, in Python: numpy.savez('out.npz', t=t, gyro=gyro, accel=accel)."
+    )

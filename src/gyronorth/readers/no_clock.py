@@ -26,6 +26,28 @@ def timeless(time: NDArray[np.float64], step: NDArray[np.float64], clock: Clock,
     return (says, *NO_CLOCK)
 
 
+def whole_numbers(time: NDArray[np.float64], interval: float, clock: Clock, name: str) -> tuple[str, ...]:
+    """Of times, shape (n,), that step by whole numbers and that nobody called seconds."""
+    says = (
+        f"{clock.name} of {name} counts in whole numbers, by {interval:.4g} a row "
+        f"({time[0]:.10g}, {time[1]:.10g}, {time[2]:.10g}, ...): seconds are not likely. If it counts rows, "
+        "leave it out and declare the rate: --columns t=- --rate HZ. If it counts milliseconds, the rate is "
+        f"{1e3 / interval:.6g} Hz: --columns t=- --rate {1e3 / interval:.6g}. If these really are "
+        f"seconds: --rate {1 / interval:.6g}."
+    )
+    return (says, *NO_CLOCK)
+
+
+def no_rate(rate_hz: float, bounds: tuple[float, float], title: str, name: str) -> tuple[str, ...]:
+    """Of a time column that gives a rate, Hz, which no sensor has."""
+    says = (
+        f"{title} of {name} steps by {1 / rate_hz:.4g}, a rate of {rate_hz:.4g} Hz if it is in seconds; "
+        f"{bounds[0]:g} to {bounds[1]:g} Hz are expected. If it is in another unit, leave it out "
+        "and declare the rate: --columns t=- --rate HZ."
+    )
+    return (says, *NO_CLOCK)
+
+
 def unclear(time: NDArray[np.float64], clock: Clock, name: str) -> tuple[str, ...]:
     """Of stamps that are late by more than the samples lost between them."""
     rate_hz = (len(time) - 1) / float(time[-1] - time[0]) / (clock.unit or 1.0)

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import ask
-from gyronorth.readers.axes import in_axes
-from gyronorth.readers.declared import Declared, forgotten_accelerometer, in_place_of, resolve
-from gyronorth.readers.grid import JITTER, GridBuilder
+from gyronorth.readers.declared import forgotten_accelerometer, in_place_of
+from gyronorth.readers.grid import JITTER
+from gyronorth.readers.grid_stream import GridStream
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.plausible import Misfit, check_axes, check_flags, check_units
 from gyronorth.readers.presets import load
 from gyronorth.readers.registry import open_source
-from gyronorth.readers.source import Question, Source
+from gyronorth.readers.source import Question
 from gyronorth.recording import AxesOrigin, Gap, Note, Recording, clip_gaps, gap_notes, shift_utc
 
 #: Called with the share of the file that is read, as the reading goes on.
@@ -134,24 +134,21 @@ def chunks_of(reading: Reading, chunk_samples: int) -> tuple[RecordingInfo, Iter
     return reading.info(notes), _chunks(reading, first, stream, notes)
 
 
-class Reading:
+class Reading(GridStream):
     """One pass through a file."""
 
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
         if options.preset is not None:
             options = load(options.preset).onto(options)
+        super().__init__(open_source(path, options), options, path)
         self._path = Path(path)
-        self.options = options
         self.progress = progress
-        self.source: Source = open_source(path, options)
-        self.declared: Declared = resolve(self.source, options, path)
         if (beside := forgotten_accelerometer(self.source, options, path)) is not None:
             message = (
                 f"{beside.name} lies beside {self.source.name} and is likely its accelerometer, which was left out: "
                 f"--accel {shlex.quote(str(beside))} takes it."
             )
             self.source = replace(self.source, notes=(*self.source.notes, Note("accelerometer_beside", message)))
-        self.regulariser = GridBuilder(self.source, self.declared, options)
         self.length_notes: tuple[Note, ...] = ()
 
     @property
@@ -277,13 +274,6 @@ class Reading:
             axes_origin=self.declared.axes_origin,
             units=self.declared.units,
         )
-
-    def in_body_axes(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-        """Rate and specific force (n, 3) of samples in file axes; None without an accelerometer."""
-        parts = [samples[:, :3], *([samples[:, 3:]] if samples.shape[1] == 6 else [])]
-        mat = self.declared.mat_vf
-        gyro, *accel = (part if mat is None else in_axes(part, mat) for part in parts)
-        return gyro, accel[0] if accel else None
 
     def remarks(self, samples: int, gaps: tuple[Gap, ...], rows_dropped: int) -> tuple[Note, ...]:
         """What there is to say of the file, and of `samples` samples with these gaps and dropped rows."""

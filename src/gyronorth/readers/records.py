@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
+from gyronorth.readers.sentences import rewriting_of
 from gyronorth.readers.spool import Spooled, most_of
 
-#: Bytes of whole lines, or characters of an array, that are written anew at a time.
-PIECE = 1 << 20
+#: Bytes of whole lines, or characters of an array, that are written anew at a time, and most bytes of one object.
+PIECE, WHOLE = 1 << 20, 1 << 25
 #: Most names in JSON objects, and most cells of the table that a piece becomes: names that nearly no object has.
 MOST_NAMES, MOST_CELLS = 400, 1 << 22
 #: Lines that are looked at, fewest numbers in one, and bytes of the longest.
@@ -43,12 +44,16 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
         return None
     if re.match(rb"\[\s*\{", body):  # all of it may be one line
         return _of_array
+    if _is_one_object(body):
+        return _of_one_object
     lines = [line.strip() for line in body.split(b"\n")[: LOOKED_AT + 1]][:-1] or [body]
     lines = [line for line in lines if line]
     if not lines or max(map(len, lines)) > LONGEST:
         return None
     if any(_gnss_fields(line, _GYROS) for line in body.split(b"\n") if line.startswith(b"#")):
         return _of_gnss_logger
+    if (rewriting := rewriting_of(lines, body)) is not None:
+        return lambda path: _spooled(path, (piece for piece in rewriting(_pieces(path)) if piece))
     if body.startswith(b"{") and (b":" in lines[0]) and lines[0].endswith((b"}", b"},")):
         return _of_objects
     behind = lines[1:] or lines
@@ -57,6 +62,12 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     if all(_BRACKETED.fullmatch(line) for line in behind) and behind[0].count(b",") >= FEWEST - 1:
         return _of_lists
     return None
+
+
+def _is_one_object(body: bytes) -> bool:
+    """Whether the file begins as one JSON object: in one line that does not end, or over lines of one name each."""
+    first = body.split(b"\n", 1)[0].strip()
+    return body.startswith(b"{") and (first == b"{" or (b"\n" not in body and len(body) > LONGEST))
 
 
 def _spooled(path: Path, pieces: Iterable[bytes]) -> Spooled:
@@ -138,6 +149,53 @@ def _end(pattern: re.Pattern[str], text: str, at: int) -> int:
 
 def _no_json(name: str, error: Exception) -> str:
     return f"{name} is not the JSON that it begins as: {error}. It is damaged or cut off."
+
+
+def _of_one_object(path: Path) -> Spooled:
+    """One JSON object that holds a list of objects, or lists of numbers."""
+    if path.stat().st_size > WHOLE:
+        raise InputError(
+            f"{path.name} is one JSON object of more than {WHOLE >> 20} MiB. Write an object for each sample into a "
+            "line of its own instead, or a list of them."
+        )
+    samples = _one_object(path)
+    parts = (samples[first : first + LONGEST] for first in range(0, len(samples), LONGEST))
+    return _spooled(path, _of_rows(parts, path.name))
+
+
+def _one_object(path: Path) -> list[Any]:
+    try:
+        whole = json.loads(path.read_bytes().decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(_no_json(path.name, error)) from None
+    samples = _samples(whole)
+    if samples is None or not all(isinstance(each, dict) for each in samples):
+        raise InputError(f"{path.name} holds JSON that is no list of objects; one object for each sample is expected.")
+    return samples
+
+
+def _samples(value: Any, depth: int = 0) -> list[Any] | None:
+    """The samples in one object: its longest list of objects, or its lists of one length put side by side."""
+    if not isinstance(value, dict) or depth > 3:
+        return None
+    lists = [each for each in value.values() if isinstance(each, list) and each and isinstance(each[0], dict)]
+    if lists:
+        return max(lists, key=len)
+    columns = {".".join(place): each for place, each in _lists(value)}
+    longest = max((len(each) for each in columns.values()), default=0)
+    columns = {title: each for title, each in columns.items() if len(each) == longest}
+    if longest < FEWEST or not columns:
+        inner = (_samples(each, depth + 1) for each in value.values())
+        return next((found for found in inner if found), None)
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _lists(value: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    for key, each in value.items():
+        if isinstance(each, list):
+            yield (*place, key), each
+        elif isinstance(each, dict) and len(place) < 4:
+            yield from _lists(each, (*place, key))
 
 
 def _parsed(text: bytes, name: str) -> list[Any]:

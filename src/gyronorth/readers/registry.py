@@ -8,19 +8,19 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
-from importlib.metadata import entry_points
+from itertools import islice
 from pathlib import Path
 
 from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.archive import MAGIC as ZIP
 from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, split_path, unzipped
+from gyronorth.readers.bag_folder import METADATA, is_bag_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
 from gyronorth.readers.format import LOOK, Format
-from gyronorth.readers.formats.npy import pickled
-from gyronorth.readers.formats.rosbag import METADATA, is_bag_folder
 from gyronorth.readers.joining import joined
+from gyronorth.readers.library import pickled
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.records import rewriter_of
@@ -46,6 +46,8 @@ class _Formats(Mapping[str, Format]):
 
     def __getitem__(self, name: str) -> Format:
         if name not in self._rows:
+            from importlib.metadata import entry_points  # slow to load
+
             for entry in entry_points(group=ENTRY_POINTS, name=name):
                 self.add(entry.load())
         if name not in self._loaded:
@@ -115,11 +117,19 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
     try:
         return _opened(path, options) if options.accel_file is None else _of_two(path, options)
     except FileNotFoundError:
-        raise InputError(f"There is no file {path}.") from None
+        raise InputError(f"There is no file {path}.{_near(path)}") from None
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} cannot be read: {error}.") from None
+
+
+def _near(path: Path) -> str:
+    """The file of the same folder whose name is nearest, as a question."""
+    try:
+        return did_you_mean(path.name, [each.name for each in islice(path.parent.iterdir(), 1000)])
+    except OSError:
+        return ""
 
 
 def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
@@ -192,7 +202,7 @@ def _by_format(path: Path, options: ReadOptions) -> Source:
     info = FORMATS.info(name)
     if options.variable is not None and not info.takes_variable:
         raise InputError(
-            f"variable {options.variable!r} is declared, but {path.name} is neither a .mat, .npz, .xlsx nor HDF5 file."
+            f"variable {options.variable!r} is declared, but {path.name} is no file of several tables or arrays."
         )
     if options.topic is not None and not info.takes_topic:
         raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")

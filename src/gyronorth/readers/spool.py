@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 import sys
-import tempfile
 import weakref
 from collections.abc import Callable
 from pathlib import Path
@@ -40,6 +39,8 @@ class Spooled:
     """A file in a private folder, which goes when this object does."""
 
     def __init__(self, name: str) -> None:
+        import tempfile
+
         folder = tempfile.mkdtemp(prefix="gyronorth-")
         self.folder = Path(folder)
         self.path = self.folder / (Path(name).name or "stream")

@@ -113,6 +113,11 @@ class Triple:
     scale: float = 1.0  # of its unit in one number
 
 
+def last_part(title: str, mark: str) -> str:
+    """What the title of an array says of its column; names of R, parted by a mark of their own, have points in them."""
+    return re.split(r"[./]" if mark in "./" else re.escape(mark), title)[-1]
+
+
 def take_apart(title: str, unit: str = "") -> Title:
     """Words, axis and unit of a title; `unit` is what a row of units holds below it.
 
@@ -134,7 +139,7 @@ def take_apart(title: str, unit: str = "") -> Title:
         parts = (head, mark, behind) if mark else _behind_slash(title)
         if parts[1]:
             name, candidates = parts[0], [parts[2]]
-    axis, words = _axis([word.lower() for word in _WORD.findall(name)])
+    axis, words = _axis([word.lower() for word in _WORD.findall(re.sub("[ωΩ]", "w", name))])
     return _title(words, axis, candidates)
 
 
@@ -164,6 +169,8 @@ def _title(words: list[str], axis: int | None, candidates: list[str]) -> Title:
                     break
             if found:
                 break
+    if axis is None and "".join(named) in _BODY_RATES:  # p_dps
+        axis, named = _BODY_RATES["".join(named)], ["rate"]
     kind, increments = _kind(named, axis, found, stated=bool(candidates))
     unit = _unit_for(kind, found, increments)
     if kind == "time" and unit is None and len(named) == 1 and (bare := spelled(named[0], TIME_SPELLINGS)):
@@ -268,13 +275,25 @@ def triples(titles: Sequence[str], parts: Sequence[Title]) -> list[Triple]:
     found = []
     for (kind, _, increments), family in families.items():
         axes = sorted(family)
-        if axes not in ([0, 1, 2], [1, 2, 3]) or any(len(positions) > 1 for positions in family.values()):
+        if axes not in ([0, 1, 2], [1, 2, 3]):
             continue
-        x, y, z = (family[axis][0] for axis in axes)
-        units = {parts[position].unit for position in (x, y, z)}
-        unit = units.pop() if len(units) == 1 else None
-        scale = parts[x].scale if len({parts[position].scale for position in (x, y, z)}) == 1 else float("nan")
-        found.append(Triple(kind, (x, y, z), label(titles[x], titles[z]), unit, True if increments else None, scale))
+        for x, y, z in _by_unit([family[axis] for axis in axes], parts):
+            units = {parts[position].unit for position in (x, y, z)}
+            unit = units.pop() if len(units) == 1 else None
+            scale = parts[x].scale if len({parts[position].scale for position in (x, y, z)}) == 1 else float("nan")
+            found.append(
+                Triple(kind, (x, y, z), label(titles[x], titles[z]), unit, True if increments else None, scale)
+            )
+    return found
+
+
+def _by_unit(family: Sequence[Sequence[int]], parts: Sequence[Title]) -> list[tuple[int, int, int]]:
+    """The triples of one sensor: one, or where it is there twice those of one unit each."""
+    found: list[tuple[int, int, int]] = []
+    for unit in dict.fromkeys(parts[position].unit for position in family[0]) if len(family[0]) > 1 else (None,):
+        alike = [[i for i in axis if len(family[0]) == 1 or parts[i].unit == unit] for axis in family]
+        if all(len(axis) == 1 for axis in alike):
+            found.append((alike[0][0], alike[1][0], alike[2][0]))
     return found
 
 

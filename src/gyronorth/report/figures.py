@@ -133,6 +133,10 @@ def allan_figure(deviation: AllanDeviation) -> Figure:
     return figure
 
 
+#: Methods whose own course the figure shows; of another the plain averaging, and its result at the end.
+DRAWN_ITSELF = ("mean", "inertial", "turned")
+
+
 def draw_convergence(
     axes: Axes, convergence: Convergence, estimate: HeadingEstimate, *, heading_true: float | None = None
 ) -> None:
@@ -159,6 +163,16 @@ def draw_convergence(
         refused[1:] |= ~valid[:-1]  # join the pieces
         axes.plot(time, np.where(refused, heading, np.nan), color=FAINT, linestyle=":", label="heading, refused")
     levels = [low[time >= 0.2 * time[-1]].min(), high[time >= 0.2 * time[-1]].max()]
+    if estimate.method not in DRAWN_ITSELF:
+        axes.set_title("Heading against time, by plain averaging")
+        reach = np.degrees(
+            [(final - estimate.interval95[0]) % (2 * np.pi), (estimate.interval95[1] - final) % (2 * np.pi)]
+        )
+        axes.errorbar(
+            time[-1], np.degrees(final), yerr=reach[:, None], color=INK, marker="o", markersize=4, capsize=3,
+            clip_on=False, zorder=4, label=f"{estimate.method}, {'valid' if estimate.valid else 'refused'}",
+        )  # fmt: skip
+        levels += [np.degrees(final) - reach[0], np.degrees(final) + reach[1]]
     if heading_true is not None:
         truth = float(np.degrees(final + wrap(heading_true - final)))
         axes.axhline(

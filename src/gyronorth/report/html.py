@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
-from math import degrees
+from math import degrees, floor, log10
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -150,14 +150,23 @@ def _checks(estimate: HeadingEstimate) -> list[dict[str, Any]]:
 
 
 def _bars(doc: dict[str, Any]) -> list[dict[str, Any]]:
-    """The error budget and their total, each with its length in per cent of the longest."""
+    """The error budget and its total, each with its length in per cent of the longest."""
     parts = doc["sigma_parts_deg"].items()
     rows = [{"name": part_name(part), "value": value} for part, value in parts if value is not None]
     rows.sort(key=lambda row: -row["value"])
     rows.append({"name": "together", "value": doc["sigma_deg"]})
     lengths = [min(row["value"] or 0, 180) for row in rows]
     longest = max(lengths) or 1
-    return [row | {"percent": 100 * length / longest} for row, length in zip(rows, lengths, strict=True)]
+    decimals = max(2, 1 - floor(log10(doc["sigma_deg"] or 1)))
+    return [
+        row | {"percent": 100 * length / longest, "text": _bar_text(row["value"], decimals)}
+        for row, length in zip(rows, lengths, strict=True)
+    ]
+
+
+def _bar_text(value_deg: float | None, decimals: int) -> str:
+    """A part of the error budget with the decimals of the total; beyond half a turn its size means nothing."""
+    return angle_text(value_deg, unit="°") if (value_deg or 0) > 180 else f"{fixed_text(value_deg, decimals=decimals)}°"
 
 
 def _poses(estimate: HeadingEstimate) -> list[dict[str, Any]]:

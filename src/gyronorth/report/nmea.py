@@ -18,9 +18,11 @@ The status sentence is proprietary::
     reasons  their codes joined by ";", as many as fit in the 82 characters of a sentence
     hh       exclusive or of the characters between $ and *, hexadecimal
 
-The set "octans" is the output OCTANS STD 1 without what is not measured here (surge, sway, speed, heave and with it
-PHTRH): HEHDT, PHTRO (pitch, M bow up or P bow down; roll, T port up or B port down) and the status word PHINF, bits 0
-to 3: heading, roll, pitch, position not valid (Reson, SeaBat 8101 Operator's Manual 3.02, p. 6-25).
+The set "octans" is HEHDT, PHTRO (pitch, M bow up or P bow down; roll, T port up or B port down), PHTRH (the same, and
+heave) and the status word PHINF, bits 0 to 3: heading, roll, pitch, position not valid (Reson, SeaBat 8101 Operator's
+Manual 3.02, p. 6-25). Heave is not measured here: its two fields are empty, and bit 3, which stands for the position
+that heave is part of, is always set. Surge, sway and speed (PHLIN, PHSPD) are not sent. The order of the fields of
+PHTRH is that of a recorded one of an Octans ($PHTRH,1.81,M,1.69,B,0.16,O).
 
 Sentences end with carriage return and line feed.
 """
@@ -108,8 +110,8 @@ def _octans(estimate: HeadingEstimate | None, measured: str | None) -> tuple[str
         missing = _NO_ROLL | _NO_PITCH | _NO_POSITION | (_NO_HEADING if measured is None else 0)
         return (sentence(f"PHINF,{missing:08X}"),)
     roll, pitch = estimate.roll_deg, estimate.pitch_deg
-    tilt = f"PHTRO,{abs(pitch):.2f},{'M' if pitch >= 0 else 'P'},{abs(roll):.2f},{'T' if roll >= 0 else 'B'}"
-    return sentence(tilt), sentence(f"PHINF,{_NO_POSITION:08X}")
+    tilt = f"{abs(pitch):.2f},{'M' if pitch >= 0 else 'P'},{abs(roll):.2f},{'T' if roll >= 0 else 'B'}"
+    return sentence(f"PHTRO,{tilt}"), sentence(f"PHTRH,{tilt},,"), sentence(f"PHINF,{_NO_POSITION:08X}")
 
 
 def _status(estimate: HeadingEstimate) -> str:

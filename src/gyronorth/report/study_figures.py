@@ -61,7 +61,7 @@ def _noise(figure: Figure, study: Study) -> None:
     fitted = [row[2] for row in study["tables"][0]["rows"]]
     axes.plot(printed["duration"], printed["crmse_deg"], "o", color=RED, label="printed (another set)")
     axes.plot(printed["duration"], fitted, "--", color=INK, label="fit: bias and white noise")
-    axes.plot(twin["duration"], twin["crmse_deg"], "-", color=BLUE, marker=".", label="the twin, 60 recordings")
+    axes.plot(twin["duration"], twin["crmse_deg"], "-", color=BLUE, marker=".", label="reconstruction, 60 recordings")
     axes.legend()
 
 

@@ -257,10 +257,11 @@ class NoiseLaw:
         switch-on. Under "ramp" the result is that of a slope, u^2/s^2.
         """
         duration = np.asarray(duration, dtype=float)
-        parts: dict[str, Array] = {"noise": np.zeros_like(duration), "drift": np.zeros_like(duration)}
-        for term in TERMS:
-            parts[term.part] = parts[term.part] + term.mean(self.errors, duration, weighting)
-        return parts
+        if duration.ndim == 0:  # recordings of one sensor are often of one length
+            noise, drift = _mean_variance_once(self.errors, float(duration), weighting)
+        else:
+            noise, drift = _mean_variance(self.errors, duration, weighting)
+        return {"noise": noise, "drift": drift}
 
     def allan_variance(self, tau: ArrayLike) -> Array:
         """Allan variance at averaging times (k,), s, by term, shape (k, terms), u^2."""
@@ -299,6 +300,18 @@ class NoiseLaw:
         from gyronorth.sensor.drawing import ProcessLaw, draw
 
         return draw(ProcessLaw.of(self.errors), shape, rate_hz, constant=constant, rng=rng)
+
+
+def _mean_variance(errors: TriadErrors, duration: ArrayLike, weighting: Weighting) -> tuple[Array, Array]:
+    """The two parts of `NoiseLaw.mean_variance`."""
+    duration = np.asarray(duration, dtype=float)
+    parts = {"noise": np.zeros_like(duration), "drift": np.zeros_like(duration)}
+    for term in TERMS:
+        parts[term.part] = parts[term.part] + term.mean(errors, duration, weighting)
+    return parts["noise"], parts["drift"]
+
+
+_mean_variance_once = lru_cache(maxsize=64)(_mean_variance)
 
 
 @lru_cache(maxsize=64)

@@ -124,15 +124,14 @@ def read_sensor(name_or_file: str | os.PathLike[str] | Sensor) -> Sensor:
 
     path, name = Path(name_or_file), str(name_or_file).lower()
     if name in profiles.names():
-        text, where = profiles.builtin_text(name), f"built-in profile {name}"
+        values = profiles.builtin(name)
     elif os.path.isfile(path):
-        text, where = _read_text(path), str(path)
+        values = profiles.parse(_read_text(path), where=str(path))
     else:
         raise InputError(
             f"There is no sensor {str(name_or_file)!r}: neither a built-in profile ({', '.join(profiles.names())}) "
             f"nor a file.{did_you_mean(name, profiles.names())} Give one of those names, or the path of a JSON profile."
         )
-    values = profiles.parse(text, where=where)
     gyro, accel = TriadErrors(**values.pop("gyro")), TriadErrors(**values.pop("accel"))
     return Sensor(gyro=gyro, accel=accel, **values)
 

@@ -9,14 +9,10 @@ or as the coefficient B of IEEE Std 952, which is that minimum / 0.664:
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
-from importlib import resources
-from importlib.resources.abc import Traversable
-from typing import Annotated, Any, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pathlib import Path
+from typing import Any, cast
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
@@ -28,9 +24,6 @@ SCHEMA = "gyronorth.sensor/1"
 ALLAN_MINIMUM = math.sqrt(2 * math.log(2) / math.pi)
 
 _DEG = math.pi / 180
-_NonNegative = Annotated[float, Field(ge=0, le=1e9)]
-_Positive = Annotated[float, Field(gt=0, le=1e9)]
-_Definition = Literal["coefficient", "allan_minimum"]
 
 # Field of TriadErrors: (key in the file, one unit of the file in SI); those of the stochastic terms are the law's.
 _GYRO_UNITS = {term.field: (term.gyro.key, term.gyro.one) for term in TERMS} | {
@@ -51,79 +44,8 @@ _G_SENSITIVITY = ("g_sensitivity_deg_h_g", DEG_PER_HOUR / STANDARD_GRAVITY)
 _NOISE_DENSITY = ("velocity_random_walk_ug_sqrt_hz", 1e-6 * STANDARD_GRAVITY)
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True, defer_build=True)
-
-
-class _Triad(_Strict):
-    bias_instability_definition: _Definition | None = None  # what the data sheet means by bias instability
-    bias_instability_longest_s: Annotated[float, Field(ge=0.1, le=1e9)] = 1000.0  # longest time constant of its law
-    scale_factor_ppm: _NonNegative = 0.0
-    misalignment_mrad: _NonNegative = 0.0  # each axis towards each other axis
-
-
-class GyroProfile(_Triad):
-    """The gyro part of a profile."""
-
-    angle_random_walk_deg_sqrt_h: _NonNegative = 0.0
-    bias_instability_deg_h: _NonNegative = 0.0
-    rate_random_walk_deg_h_sqrt_h: _NonNegative = 0.0
-    turn_on_bias_deg_h: _NonNegative = 0.0  # 1 sigma from power-up to power-up
-    g_sensitivity_deg_h_g: _NonNegative = 0.0  # each axis of the gyro for each axis of specific force
-    quantisation_arcsec: _NonNegative = 0.0  # step of the integrated output
-    range_deg_s: _Positive | None = None
-
-    @model_validator(mode="after")
-    def _definition_is_given(self) -> GyroProfile:
-        _require_definition(self.bias_instability_deg_h, self.bias_instability_definition)
-        return self
-
-
-class AccelProfile(_Triad):
-    """The accelerometer part of a profile; velocity random walk in one of its two usual units."""
-
-    velocity_random_walk_m_s_sqrt_h: _NonNegative = 0.0
-    velocity_random_walk_ug_sqrt_hz: _NonNegative = 0.0
-    bias_instability_mg: _NonNegative = 0.0
-    acceleration_random_walk_mg_sqrt_h: _NonNegative = 0.0
-    turn_on_bias_mg: _NonNegative = 0.0
-    quantisation_m_s: _NonNegative = 0.0
-    range_g: _Positive | None = None
-
-    @model_validator(mode="after")
-    def _is_unambiguous(self) -> AccelProfile:
-        _require_definition(self.bias_instability_mg, self.bias_instability_definition)
-        if self.velocity_random_walk_m_s_sqrt_h and self.velocity_random_walk_ug_sqrt_hz:
-            raise ValueError("velocity random walk is given twice; give it in m/s/sqrt(h) or in ug/sqrt(Hz)")
-        return self
-
-
-class Profile(_Strict):
-    """A sensor profile as it stands in the file."""
-
-    schema_: Annotated[Literal["gyronorth.sensor/1"], Field(alias="schema")]
-    name: Annotated[str, Field(min_length=1, max_length=100)]
-    source: str = ""  # citation, and what could not be verified
-    upper_bounds: Annotated[
-        tuple[str, ...], Field(strict=False)
-    ] = ()  # figures that a recording only bounds, such as gyro.bias_instability_deg_h
-    gyro: GyroProfile
-    accel: AccelProfile = Field(default_factory=AccelProfile)
-
-    @model_validator(mode="after")
-    def _bounds_are_figures(self) -> Profile:
-        triads = (("gyro", GyroProfile.model_fields), ("accel", AccelProfile.model_fields))
-        figures = [f"{name}.{key}" for name, fields in triads for key in fields]
-        for name in self.upper_bounds:
-            if name not in figures:
-                near = difflib.get_close_matches(name, figures, n=1)
-                hint = f"; did you mean {near[0]}?" if near else ""
-                raise ValueError(f"upper_bounds names {name}, which is no figure of the profile{hint}")
-        return self
-
-
-def _builtin() -> Traversable:
-    return resources.files("gyronorth.sensor") / "builtin"
+def _builtin() -> Path:
+    return Path(__file__).with_name("builtin")
 
 
 def names() -> tuple[str, ...]:
@@ -151,16 +73,16 @@ def parse(text: str, *, where: str) -> dict[str, Any]:
         raise InputError(f"{where} is not valid JSON: {error}. A sensor profile ({SCHEMA}) is expected.") from error
     if not isinstance(content, dict):
         raise InputError(f"{where} holds {content!r:.40}; a JSON object, a sensor profile ({SCHEMA}), is expected.")
-    try:
-        profile = Profile.model_validate(content)
-    except ValidationError as error:
-        raise InputError(_explain(error, where)) from error
-    gyro, accel = (_to_si(profile.gyro, _GYRO_UNITS), _to_si(profile.accel, _ACCEL_UNITS))
-    if profile.accel.velocity_random_walk_ug_sqrt_hz:
-        accel["white"] = profile.accel.velocity_random_walk_ug_sqrt_hz * _NOISE_DENSITY[1]
-    sensitivity = profile.gyro.g_sensitivity_deg_h_g * _G_SENSITIVITY[1]
-    about = {"name": profile.name, "source": profile.source, "bounds": profile.upper_bounds}
-    return {**about, "gyro": gyro, "accel": accel, "g_sensitivity": sensitivity}
+    from gyronorth.sensor import profile_schema
+
+    found = cast("dict[str, Any]", content)
+    profile_schema.check(found, where=where)
+    return _in_si(found)
+
+
+def builtin(name: str) -> dict[str, Any]:
+    """A built-in profile as `parse` returns it; that each is one the tests see."""
+    return _in_si(json.loads(builtin_text(name)))
 
 
 def compose(values: dict[str, Any]) -> str:
@@ -173,10 +95,22 @@ def compose(values: dict[str, Any]) -> str:
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _to_si(triad: _Triad, units: dict[str, tuple[str, float]]) -> dict[str, float]:
-    given = triad.model_dump()
-    values = {field: given[key] * unit for field, (key, unit) in units.items() if given[key] is not None}
-    if triad.bias_instability_definition == "allan_minimum":
+def _in_si(content: dict[str, Any]) -> dict[str, Any]:
+    """A profile that is one, in SI."""
+    gyro, accel = content["gyro"], content.get("accel", {})
+    values: dict[str, Any] = {"name": content["name"], "source": content.get("source", "")}
+    values["bounds"] = tuple(content.get("upper_bounds", ()))
+    values["gyro"], values["accel"] = _to_si(gyro, _GYRO_UNITS), _to_si(accel, _ACCEL_UNITS)
+    if accel.get(_NOISE_DENSITY[0]):
+        values["accel"]["white"] = accel[_NOISE_DENSITY[0]] * _NOISE_DENSITY[1]
+    values["g_sensitivity"] = gyro.get(_G_SENSITIVITY[0], 0.0) * _G_SENSITIVITY[1]
+    return values
+
+
+def _to_si(triad: dict[str, Any], units: dict[str, tuple[str, float]]) -> dict[str, float]:
+    """Fields of `TriadErrors` that are given: what is left out is there as here."""
+    values = {field: triad[key] * unit for field, (key, unit) in units.items() if triad.get(key) is not None}
+    if triad.get("bias_instability_definition") == "allan_minimum" and "flicker" in values:
         values["flicker"] /= ALLAN_MINIMUM
     return values
 
@@ -186,32 +120,3 @@ def _from_si(values: dict[str, float], units: dict[str, tuple[str, float]]) -> d
     if math.isinf(values["saturation"]):
         del given[units["saturation"][0]]
     return {"bias_instability_definition": "coefficient"} | given
-
-
-def _require_definition(bias_instability: float, definition: str | None) -> None:
-    if bias_instability > 0 and definition is None:
-        raise ValueError(
-            "bias_instability_definition is missing; say 'allan_minimum' if the data sheet gives the minimum of the "
-            "Allan deviation (the usual case), or 'coefficient' if it gives that minimum / 0.664"
-        )
-
-
-def _explain(error: ValidationError, where: str) -> str:
-    problems = [_explain_one(problem) for problem in error.errors(include_url=False)]
-    more = f" And {len(problems) - 3} more." if len(problems) > 3 else ""
-    return f"{where} is not a sensor profile ({SCHEMA}): " + "; ".join(problems[:3]) + "." + more
-
-
-def _explain_one(problem: Any) -> str:
-    path = ".".join(str(part) for part in problem["loc"])
-    value, kind = problem["input"], problem["type"]
-    if kind == "missing":
-        return f"{path} is missing"
-    if kind == "extra_forbidden":
-        model = {"gyro": GyroProfile, "accel": AccelProfile}.get(str(problem["loc"][0]), Profile)
-        known = [info.alias or key for key, info in model.model_fields.items()]
-        near = difflib.get_close_matches(str(problem["loc"][-1]), known, n=1)
-        return f"{path} is not a known field" + (f" (did you mean {near[0]}?)" if near else f"; known are {known}")
-    shown = "" if isinstance(value, dict) else f" is {value!r:.60}"
-    expected = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    return f"{path}{shown}: {expected if kind == 'value_error' else expected + ' is expected'}"

@@ -1,4 +1,4 @@
-"""The methods without a network that the studies compare, on splits of the published twin."""
+"""The methods without a network that the studies compare, on splits of the published reconstruction."""
 
 from __future__ import annotations
 

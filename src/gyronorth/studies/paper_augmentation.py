@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 #: The paper's span, deg, and those beside it; 180 is the whole circle.
 PAPER_SPAN = 20
 SPANS = (5, 10, 15, PAPER_SPAN, 30, 45, 90, 180)
-#: Draws of the twin's noise, each with its own random splits.
+#: Draws of the reconstruction's noise, each with its own random splits.
 DRAWS = 10
 #: Test recordings of a 24/4/6 split.
 TESTED = 6

@@ -179,11 +179,11 @@ def _noise_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         f"Angle random walk {arw:.4f} deg/sqrt(h), {arw / 0.02:.1f} times the data sheet's 0.02. "
         f"Counted from the printed figure at {LONGEST_PRINTED:g} s; of another set than the 60 recordings.",
     )
-    twin = Table("The twin itself", ("window, s", "model-based CRMSE, deg"), twin_rows)
+    twin = Table("The reconstruction itself", ("window, s", "model-based CRMSE, deg"), twin_rows)
     text = (
-        "The biases of the twin are real (the printed mean rates), its noise is simulated: white, of the angle random "
-        "walk that explains how the printed CRMSE grows from 240 s down to 10 s, with the mean over 230 s held at "
-        "the printed one."
+        "The biases of the reconstruction are real (the printed mean rates), its noise is simulated: white, of the "
+        "angle random walk that explains how the printed CRMSE grows from 240 s down to 10 s, with the mean over 230 s "
+        "held at the printed one."
     )
     on_paper = {"duration": fit.duration.tolist(), "crmse_deg": np.degrees(fit.printed).tolist()}
     return Report(text, (printed, twin), {"printed": on_paper, "twin": curve})
@@ -204,7 +204,9 @@ def _noise_of_own(plan: StudyPlan, curve: Result) -> Report:
     return Report("", (table,), {"recordings": curve}, title="The noise of the recordings")
 
 
-NOISE = Study("noise", "The noise of the published twin", "published", _noise_units, _noise_report, at_durations)
+NOISE = Study(
+    "noise", "The noise of the published reconstruction", "published", _noise_units, _noise_report, at_durations
+)
 LOO = Study(
     "leave_one_out", "Leave one recording out (within set)", "published", loo_units, _report("loo", "Leave one out")
 )

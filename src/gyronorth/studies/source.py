@@ -1,10 +1,11 @@
-"""Which recordings the studies are run on: the published twin, or the public recordings that a user brings."""
+"""Recordings that the studies are run on: the published reconstruction, or public recordings that a user brings."""
 
 from __future__ import annotations
 
 import hashlib
 import re
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,7 +21,7 @@ RATE = 3.0
 
 
 def recordings_of(seed: int, data: dict | None = None) -> Twin:
-    """The twin of a seed; with `data`, of `described`, the public recordings in that folder."""
+    """The reconstruction of a seed; with `data`, of `described`, the public recordings in that folder."""
     if data is None:
         return published_twin(rate_hz=RATE, rng=np.random.default_rng(seed))
     found = public_recordings(data["folder"])
@@ -43,7 +44,7 @@ def described(folder: str) -> dict:
 def about(data: str | None) -> str:
     """Sentences of what the recordings of a study are: the beginning of its text."""
     if data is None:
-        return "On the published twin: its biases are real (the printed mean rates), its noise is simulated."
+        return "On the published reconstruction: its biases are real (the printed mean rates), its noise is simulated."
     found = described(data)
     count = sum(found["sessions"].values())
     sessions = ", ".join(f"{name} ({number})" for name, number in found["sessions"].items())
@@ -88,9 +89,11 @@ def public_set(folder: str) -> PublicSet:
     """
     from gyronorth.attitude import level, mat_lb
     from gyronorth.conditioning import decimated
-    from gyronorth.readers import read
+    from gyronorth.readers import read, recordings_in
 
-    named = sorted(Path(folder).rglob("x_*.csv"))
+    named: list[Path] = []
+    with suppress(InputError):  # what was expected is said below
+        named = sorted(path for path in recordings_in(folder) if path.match("x_*.csv"))
     paths = [path for path in named if _RECORDING.fullmatch(path.name)]
     if not paths:
         raise InputError(

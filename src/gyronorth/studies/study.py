@@ -42,12 +42,12 @@ class StudyPlan:
         If a count is not positive.
     """
 
-    seed: int = 0  # of the twin's noise, of the splits and of the first training
+    seed: int = 0  # of the reconstruction's noise, of the splits and of the first training
     splits: int = 200  # random 24/4/6 splits of the methods without a network
     network_splits: int = 10  # the same for the networks, each trained anew
     seeds: int = 3  # trainings of each variant of a network on its split
     epochs: int | None = None  # of any training, at most; None: as the settings say
-    data: str | None = None  # folder of the public recordings; None: the published twin
+    data: str | None = None  # folder of the public recordings; None: the published reconstruction
     selection: Selection = "validation"  # what chooses the epoch of a network; anything else is labelled
 
     def __post_init__(self) -> None:
@@ -130,7 +130,7 @@ class Study:
         """
         if self.described is not None:
             return self.described(plan)
-        return plan.source().get("data", "published twin")
+        return plan.source().get("data", "published reconstruction")
 
     def markdown(self, table: Table, plan: StudyPlan) -> str:
         """A table of the report as a reader sees it, with the floor of its heading errors below."""

@@ -51,7 +51,7 @@ def made(layout, output, samples=40, **sampler):
         "synthetic": {"headings": 40},
         "sampler": sampler,
         "denoiser": {"layers": 3, "hidden": 16, "epochs": 3, "batch": 10},
-        "heading": {"output": output, "epochs": 25, "augment": {"copies": 8}},
+        "heading": {"output": output, "epochs": 6, "augment": {"copies": 8}},
     }
     every = windows(16, samples)
     parts = [every.rows(np.arange(start, 16, step)) for start, step in ((0, 2), (1, 4), (3, 4))]
@@ -325,7 +325,7 @@ def test_a_recording_shorter_than_those_learned_from_adds_its_noise(own_bundle):
 
 @pytest.mark.parametrize(("method", "recipe"), [("paper", paper), ("baseline", baseline)])
 def test_shipped_bundles_reproduce_the_errors_on_their_card(method, recipe):
-    """The twin, the split, the networks and the inference together: the test error comes out as printed."""
+    """The reconstruction, the split, the networks and the inference together: the test error comes out as printed."""
     bundle, test = load_bundle(shipped_bundle(method)), twin_data(recipe()).test
     info = bundle.info
     assert (info.method, info.layout, info.domain.sensor) == (method, "flattened", "sdc500")

@@ -58,7 +58,7 @@ def test_evidence_of_every_model_is_the_marginal_likelihood(errors, bumped):
     masked[20:27] = bumped
     frequency = np.array([0.02, 0.05, 0.21])
     known = law(N, RATE_HZ, errors)
-    models = evidence(known, columns(known, x, masked, frequency), np.zeros(3))
+    models = evidence(known, columns(known, known.whitened(x), masked, frequency), np.zeros(3))
     kinds = log_kinds(known.share, bumped=bumped)
     bins = np.array(TIME_CONSTANT_BINS)
     middle = (bins[1:] + bins[:-1]) / 2
@@ -92,7 +92,7 @@ def test_walk_is_the_slow_part_of_a_random_walk():
 def test_evidence_of_a_walk_is_the_marginal_likelihood():
     x = np.outer(np.arange(N) / N, [3, -2, 1]) * DEG_PER_HOUR
     known, none = law(N, RATE_HZ, WHITE), np.zeros(N, bool)
-    models = evidence(known, columns(known, x, none, np.array([0.1, 0.2])), np.zeros(2))
+    models = evidence(known, columns(known, known.whitened(x), none, np.array([0.1, 0.2])), np.zeros(2))
     kinds = log_kinds(known.share, bumped=False)
     whole = models.log_weight[:, 0] - 1.5 * np.log(models.information[:, 0]) - kinds[:, 0]
     expected = brute_force(WHITE, x, none, [], "walk") - brute_force(WHITE, x, none, [], None)
@@ -103,7 +103,7 @@ def test_estimate_is_generalised_least_squares():
     rng = np.random.default_rng(4)
     x = rng.normal(0, 3 * DEG_PER_HOUR, (N, 3))
     known = law(N, RATE_HZ, WHITE)
-    models = evidence(known, columns(known, x, np.zeros(N, bool), np.array([0.1, 0.2])), np.zeros(2))
+    models = evidence(known, columns(known, known.whitened(x), np.zeros(N, bool), np.array([0.1, 0.2])), np.zeros(2))
     assert_allclose(models.rate[:, 0, 0], x.mean(axis=0), rtol=1e-9)
     assert_allclose(1 / models.information[0, 0], WHITE.white**2 * RATE_HZ / N, rtol=1e-9)
 

@@ -208,7 +208,7 @@ def test_noise_free_recording_returns_heading_bias_and_attitude(turns, latitude,
     [(WHITE, (PI,), True), (WHITE, (PI,), False), (WHITE, (PI / 3,), True), (FLICKER, (PI,), True)],
 )
 def test_error_is_what_sigma_and_bound_say(sensor, turns, accel):
-    error, sigma = errors_and_sigmas(sensor, turns, 30, latitude=LATITUDE, roll=0.0, accel=accel)
+    error, sigma = errors_and_sigmas(sensor, turns, 16, latitude=LATITUDE, roll=0.0, accel=accel)
     assert_calibrated(error, sigma)
     bound = turned_sigma(sensor, latitude=LATITUDE, turns=turns, accel=accel)
     assert 0.98 < np.median(sigma) / bound < 1.15  # the bound knows that the bias does not scatter, the fit does not
@@ -217,7 +217,7 @@ def test_error_is_what_sigma_and_bound_say(sensor, turns, accel):
 def test_scale_factor_misalignment_and_tilt_are_covered():
     rough = TriadErrors(**{**vars(WHITE.gyro), "scale_factor": 3e-3, "misalignment": 1e-3})
     sensor = Sensor("rough", rough, replace(WHITE.accel, misalignment=1e-3))
-    assert_calibrated(*errors_and_sigmas(sensor, (PI, -PI, PI), 25, roll=10 * DEG))
+    assert_calibrated(*errors_and_sigmas(sensor, (PI, -PI, PI), 10, roll=10 * DEG))
 
 
 def test_given_turn_angles_show_the_scale_factor():
@@ -238,7 +238,7 @@ def test_given_turn_angles_show_the_scale_factor():
 
 
 def test_carousel_reaches_the_floor_without_any_still_pose():
-    gyro, accel, heading = runs_of(WHITE, (10 * PI,), 4, still=1e-3, length=100.0)
+    gyro, accel, heading = runs_of(WHITE, (10 * PI,), 2, still=1e-3, length=100.0)
     fits = [turned(g, a, rate_hz=10.0, latitude=LATITUDE, errors=WHITE) for g, a in zip(gyro, accel, strict=True)]
     error, sigma = angle_error([fit.heading for fit in fits], heading), np.array([fit.sigma for fit in fits])
     assert_calibrated(error, sigma)
@@ -284,7 +284,7 @@ def test_nothing_but_motion_is_told():
 # --- the figures of the issue --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("runs", [30, pytest.param(2000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("runs", [16, pytest.param(2000, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("sensor", "turns", "latitude", "roll", "most"),
     [

@@ -20,6 +20,8 @@ from gyronorth.alignment.posterior.tones import Propose
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS, Options
 from gyronorth.alignment.result import Attitude, Judged, Posterior, Result
+from gyronorth.alignment.rounding import rounding_bias
+from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.catalogue import method_info
 from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import DisturbanceFound
@@ -52,8 +54,15 @@ class PosteriorMethod:
         from Earth rate that it holds no heading.
         """
         samples, size = problem.gyro_b.shape[-2], np.linalg.norm(problem.mean.rate_l)
-        if samples < COUNT or problem.motion.white < NOISELESS or not size < HOPELESS:
-            return replace(METHODS["mean"].solve(problem, Options()), why="one pose, with nothing to weigh")
+        unfit = {
+            f"fewer than {COUNT} samples": samples < COUNT,
+            "no noise": problem.motion.white < NOISELESS,
+            "rate far from Earth rate": not size < HOPELESS,
+        }
+        if any(unfit.values()):
+            reason = next(text for text, holds in unfit.items() if holds)
+            return replace(METHODS["mean"].solve(problem, Options()), why=f"one pose, {reason}")
+        problem, coarse = _rounded(problem)
         accel_b = None if problem.accel_b is None else problem.accel_b[None]
         found = posterior(
             problem.gyro_b[None],
@@ -64,7 +73,25 @@ class PosteriorMethod:
             attitude=problem.attitude,
             propose=_network,
         )[0]
-        return _result(problem, found)
+        result = _result(problem, found)
+        return replace(result, findings=(*result.findings, *coarse))
+
+
+def _rounded(problem: Problem) -> tuple[Problem, tuple[Finding, ...]]:
+    """The problem with a profile whose turn-on bias holds the error of rounding, and the warning of it."""
+    sensor, error = problem.sensor, rounding_bias(problem.gyro_b)
+    least = 0.1 * (sensor.gyro.turn_on_bias if sensor is not None else DEG_PER_HOUR)
+    if error <= least:
+        return problem, ()
+    message = (
+        f"The rate is rounded to steps above its noise: its mean may be wrong by {error / DEG_PER_HOUR:.2g} deg/h, for "
+        "which sigma allows. Record with more digits, or increments of angle."
+    )
+    told = Finding("coarse", message, float(error / DEG_PER_HOUR), float(least / DEG_PER_HOUR))
+    if sensor is not None:
+        bias = float(np.hypot(sensor.gyro.turn_on_bias, error))
+        problem = replace(problem, sensor=replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=bias)))
+    return problem, (told,)
 
 
 def _network() -> Propose | None:
@@ -131,6 +158,8 @@ def _why(found: Inferred, *, known: bool) -> str:
     told = [
         f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= least.get(name, TOLD)
     ]
+    if found.tones >= TOLD and found.probability["sway"] < TOLD:
+        told.append("sway at a steady frequency")
     if known and max(found.scale, found.drift_scale) >= TOLD_SCALE:
         told.append(f"the unit behaves as {max(found.scale, found.drift_scale):.1f} times its profile")
     return "one pose, " + (", ".join(told) if told else "undisturbed")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -188,6 +189,7 @@ def is_shipped(folder: Path) -> bool:
     return folder.resolve().parent == _SHIPPED.resolve()
 
 
+@lru_cache
 def shipped_bundle(method: str) -> Path:
     """Folder of the bundle of a method: in this package, or in `gyronorth_bundles` if that is installed.
 

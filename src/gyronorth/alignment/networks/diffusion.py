@@ -157,7 +157,11 @@ class Normalisation:
 
 
 def white_noise(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Deviation of the white noise of x (n, samples, 3), shape (n,): from first differences, blind to drift."""
+    """Deviation of the white noise of x (n, samples, 3), shape (n,): from first differences, blind to drift.
+
+    A root mean square and no median (`arrays.robust_noise`): the step at which a bundle starts, and its domain, were
+    found with this one, and are trained for it.
+    """
     return np.asarray(np.sqrt(np.mean(np.diff(x, axis=1) ** 2, axis=(1, 2)) / 2), dtype=float)
 
 

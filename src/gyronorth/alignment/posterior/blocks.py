@@ -159,7 +159,11 @@ def _linear(rate: Array, tilt: Array) -> Array:
 
 
 def density_at_short_lags(rate: Array, *, step: float, longest: float = 1.0) -> Array:
-    """Noise density, rad/sqrt(s), shape (r,), the least over lags up to `longest` s: vibration raises the shortest."""
+    """Noise density, rad/sqrt(s), shape (r,), the least over lags up to `longest` s: vibration raises the shortest.
+
+    What short means scatter by, for the prior of the noise that `posterior` tries. That of one sample alone is
+    `arrays.robust_noise`, that of the mean of the record `conditioning.noise_density`.
+    """
     found: list[Array] = []
     size = 1
     while size == 1 or (size * step <= longest and rate.shape[1] // size >= 60):

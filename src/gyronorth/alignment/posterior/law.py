@@ -30,19 +30,20 @@ SWAY_TIMES = (0.01, 0.04, 0.16)
 SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
 #: Probability of broadband motion, with and without an accelerometer that would show it.
 SWAY, SWAY_UNSEEN = 0.08, 0.04
-#: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning.
+#: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning, and its share of the prior.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
-TILT, TILT_UNSEEN = 0.6, 0.015
+TILT_PRIOR = (0.075, 0.105, 0.149, 0.149, 0.149, 0.149, 0.149, 0.075)
+TILT, TILT_UNSEEN = 0.72, 0.04
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.09, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.22, 0.25, 0.43, 0.1)
+SETTLING, SETTLING_SIZES = 0.085, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.15, 0.3, 0.5, 0.05)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
-WALK, WALK_SIZES, WALK_MODES = 0.02, (3.0, 10.0), 6
+WALK, WALK_SIZES, WALK_MODES = 0.004, (3.0, 10.0), 6
 #: Yaw of the platform: probability, rms, rad, and correlation time over the duration.
 YAW = 0.2
 YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
@@ -71,6 +72,12 @@ class Shapes:
     def settles(self) -> Mask:
         """Where it is a bias that settles."""
         return np.array([kind == "settling" for kind in self.kind])
+
+    @property
+    def lasting(self) -> Array:
+        """Mean of a bias whose time constant is the duration or longer, rad/s: in the recording next to constant."""
+        mean = np.where(self.column >= 0, self.gyro.mean(axis=0)[self.column], 0.0)
+        return np.where(self.settles & (mean > 1 - np.exp(-1)), self.size * mean, 0.0)
 
 
 @dataclass(frozen=True)
@@ -265,11 +272,11 @@ def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
     for time in TILT_TIMES:
         tau = min(time, 1e4) * duration
         number = add(lambda t, tau=tau: -tau * np.expm1(-t / tau), motion=True)
-        for amount in TILTS:
+        for amount, share in zip(TILTS, TILT_PRIOR, strict=True):
             column.append(number)
             size.append(amount)
             tilts.append(True)
-            prior.append(np.log(some / len(TILT_TIMES) / len(TILTS)))
+            prior.append(np.log(some / len(TILT_TIMES) * share))
             kind.append("tilt")
     for tau in SETTLING_TIMES:
         number = add(lambda t, tau=tau: -tau * np.expm1(-t / tau), motion=False)

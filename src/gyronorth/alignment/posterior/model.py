@@ -18,7 +18,7 @@ from gyronorth.sensor.law import NoiseLaw
 
 #: Turn-on bias over the profile's, and its prior where the in-run drift is as the profile says.
 BIASES = np.array([0.1, 0.3, 1.0, 1.5, 2.2, 3.3, 5.0, 8.0, 12.0, 20.0])
-BIAS_PRIOR = np.array([0.01, 0.02, 0.83, 0.042, 0.034, 0.026, 0.018, 0.01, 0.005, 0.005])
+BIAS_PRIOR = np.array([0.01, 0.02, 0.864, 0.034, 0.027, 0.019, 0.013, 0.008, 0.003, 0.002])
 #: Without a profile: turn-on biases, rad/s, log-uniform up to a knee and falling as the inverse square beyond;
 #: and the prior of the in-run drift over that which equals the white noise at `CORNER`, s.
 UNKNOWN_BIASES = DEG_PER_HOUR * np.geomspace(0.003, 1000.0, 23)
@@ -39,7 +39,7 @@ class Inferred:
 
     density: Density
     rate_l: Array  # (3,) expected constant rate, rad/s
-    scale: float  # of the turn-on bias over the profile, posterior mean of the logarithm
+    scale: float  # of what is constant in the bias over the profile's turn-on bias, posterior mean of the logarithm
     drift_scale: float
     white_scale: float
     probability: dict[str, float]  # of settling, walk, tilt, sway
@@ -202,7 +202,8 @@ def _conclude(
         centre.append(np.arctan2(-rate[1], rate[0]))
         kappa.append(piece.concentration[h, k])
         kinds = np.array(known.shapes.kind)[s]
-        row = [np.log(scales.biases[k] / unit_bias(sensor)), np.log(np.array(DRIFTS)[known.drift[b]])]
+        row = [np.log(np.hypot(scales.biases[k], known.shapes.lasting[s]) / unit_bias(sensor))]
+        row += [np.log(np.array(DRIFTS)[known.drift[b]])]
         row += [np.full(len(b), np.log(one.white)), known.sway[b] > 0]
         row += [kinds == "tilt", kinds == "settling", kinds == "walk"]
         row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2]

@@ -128,7 +128,8 @@ def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErr
     # In steps of a quarter octave, so that recordings of one unit share the factors of a law.
     louder = 2 ** max(round(4 * np.log2(white / errors.white)) / 4, 0.0) if errors.white > 0 else 1.0
     seeking = replace(errors, white=louder * errors.white or white, quantisation=0.0)
-    _, lines, masked, _, models = explored(fine_l, propose, rate_hz=rate_hz, errors=seeking)
+    looked = explored(fine_l, propose, rate_hz=rate_hz, errors=seeking)
+    lines, masked, models = looked.lines, looked.masked, looked.models
     share = models.posterior.sum(axis=0)
     found: list[Cleaned] = []
     bumps = np.count_nonzero(np.diff(masked.astype(int), prepend=0) > 0)

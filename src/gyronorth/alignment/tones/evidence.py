@@ -12,7 +12,7 @@ profile says: that is what is left when nothing else explains a slow change.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,7 @@ class ToneLaw:
     constant: Array  # (n,)
     settling: Array  # (n, k + modes) exponentials, then modes of a walk, in units of their prior deviation
     share: Array  # (k,) prior of each exponential: of the first if the bias settles, of the last `TILTS` if it tilts
+    log_kinds: tuple[Array, Array]  # of a recording without bumps, and with them: `log_kinds`
 
     def whitened(self, columns: Array) -> Array:
         """Columns (n, m) in units of the noise, and without its correlation."""
@@ -136,6 +137,7 @@ def law(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STIL
     walk = np.sqrt(2) * np.sin(wave * time[:, None] * rate_hz / samples) / wave * WALK_RATE
     slow = np.concatenate([np.ones((samples, 1)), decay, tilt, walk], axis=1)
     slow = whiten[:, None] * slow if whiten.ndim == 1 else whiten @ slow
+    share = np.concatenate([_share(bins), np.diff(edges) / (edges[-1] - edges[0])])
     return ToneLaw(
         whiten=whiten,  # type: ignore[arg-type]
         time=time,  # type: ignore[arg-type]
@@ -143,7 +145,8 @@ def law(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STIL
         log_prior=np.log(1 / frequency / np.sum(1 / frequency)),
         constant=slow[:, 0],
         settling=slow[:, 1:],
-        share=np.concatenate([_share(bins), np.diff(edges) / (edges[-1] - edges[0])]),
+        share=share,
+        log_kinds=(log_kinds(share, bumped=False), log_kinds(share, bumped=True)),
     )
 
 
@@ -172,7 +175,7 @@ class Evidence:
     first: NDArray[np.int64]  # (m,) number of the first tone, -1 for none
     second: NDArray[np.int64]  # (m,) of the second
 
-    @property
+    @cached_property
     def posterior(self) -> Array:
         """Probability (s, m) of each model when nothing is known of the constant."""
         log_weight = self.log_weight - 1.5 * np.log(self.information)
@@ -198,9 +201,9 @@ class Columns:
     bumped: bool  # whether samples are masked
 
 
-def columns(law: ToneLaw, gyro_l: Array, masked: Mask, frequency: Array) -> Columns:
-    """Columns of one recording (n, 3), rad/s; a masked sample is one more unknown."""
-    known = np.concatenate([law.constant[:, None], law.whitened(gyro_l), law.settling], axis=1)
+def columns(law: ToneLaw, whitened: Array, masked: Mask, frequency: Array) -> Columns:
+    """Columns of one recording, whose whitened rates (n, 3) are given; a masked sample is one more unknown."""
+    known = np.concatenate([law.constant[:, None], whitened, law.settling], axis=1)
     tone, bumped = law.tones(frequency), bool(masked.any())
     if bumped and law.whiten.ndim == 1:
         known, tone = known * ~masked[:, None], tone * ~masked[:, None]
@@ -272,7 +275,7 @@ def evidence(law: ToneLaw, seen: Columns, log_prior: Array, *, scale: float = 1.
 
     total = np.concatenate([rest[:, None], single, double], axis=1)
     log_det = np.concatenate([np.zeros((1, k + 2)), log_det_one, log_det_one[i] + log_det_one[j] + np.log(det)])
-    kinds = log_kinds(law.share, bumped=seen.bumped).T
+    kinds = law.log_kinds[seen.bumped].T
     log_weight = np.concatenate([kinds[:1], kinds[1:2] + log_prior[:, None],
                                  kinds[2:] + (np.log(2) + log_prior[i] + log_prior[j])[:, None]])  # fmt: skip
     information, product, square = total[0], total[1:4], total[4]

@@ -23,7 +23,7 @@ from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, ToneLaw
 from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
 from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
 from gyronorth.angles import wrap_heading
-from gyronorth.arrays import Array, Index, Mask
+from gyronorth.arrays import Array, Mask
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 
@@ -96,26 +96,39 @@ def amortised(
     biases = UNKNOWN_BIAS if errors is None else (errors.turn_on_bias,)
     if errors is None or errors.white == 0:
         errors = replace(errors or TriadErrors(), white=white_of(gyro_l) / np.sqrt(rate_hz))
-    known, lines, masked, seen, models = explored(gyro_l, propose, rate_hz=rate_hz, errors=errors)
-    excess = left = _excess(known, gyro_l, masked, seen, models)
-    law_holds = excess <= _most(masked)
+    found = explored(gyro_l, propose, rate_hz=rate_hz, errors=errors)
+    excess = left = _excess(found.residual, found.masked)
+    law_holds = excess <= _most(found.masked)
     for number in range(0 if law_holds else ROUNDS):
-        residual = known.coloured(_residual(known, gyro_l, seen, models))
-        noise, motion = unexplained(residual, masked, rate_hz=rate_hz, errors=errors)
+        beyond = found.law.coloured(found.residual)
+        noise, motion = unexplained(beyond, found.masked, rate_hz=rate_hz, errors=errors)
         again = explored(gyro_l, propose, rate_hz=rate_hz, errors=noise, motion=motion)
-        less = _excess(again[0], gyro_l, *again[2:])
-        if less > (left if number == 0 else _most(again[2])):
+        less = _excess(again.residual, again.masked)
+        if less > (left if number == 0 else _most(again.masked)):
             break
-        (known, lines, masked, seen, models), left = again, less
+        found, left = again, less
+    models, masked = found.models, found.masked
     if left > _most(masked):
-        models = evidence(known, seen, lines.log_prior, scale=float(np.sqrt(left)))
+        models = evidence(found.law, found.seen, found.lines.log_prior, scale=float(np.sqrt(left)))
     fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
     return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
 
+@dataclass(frozen=True)
+class Explored:
+    """Where tones and bumps are, and all models there."""
+
+    law: ToneLaw
+    lines: Lines
+    masked: Mask  # (n,) samples in bumps
+    seen: Columns
+    models: Evidence
+    residual: Array  # (n, 3) whitened, from the likeliest model
+
+
 def explored(
     gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: Motion = STILL
-) -> tuple[ToneLaw, Lines, Mask, Columns, Evidence]:
+) -> Explored:
     """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
     known = law(len(gyro_l), rate_hz, errors, motion)
     noise = errors.white * np.sqrt(rate_hz)
@@ -126,20 +139,22 @@ def explored(
         masked = np.zeros_like(masked)
     kept = np.sort(np.argsort(-weight)[:KEPT])
     lines = Lines(known.frequency[kept], known.log_prior[kept], np.ones(KEPT, dtype=np.int64))
-    seen = columns(known, gyro_l, masked, lines.frequency)
+    whitened, spacing = known.whitened(gyro_l), known.frequency[1] - known.frequency[0]
+    seen = columns(known, whitened, masked, lines.frequency)
     models = evidence(known, seen, lines.log_prior)
+    residual = whitened
     for number in range(ROUNDS):
-        lines = lines.divided(
-            models.shares(len(lines.frequency)), known.frequency[1] - known.frequency[0], last=number == ROUNDS - 1
-        )
-        seen = columns(known, gyro_l, masked, lines.frequency)
+        lines = lines.divided(models.shares(len(lines.frequency)), spacing, last=number == ROUNDS - 1)
+        seen = columns(known, whitened, masked, lines.frequency)
         models = evidence(known, seen, lines.log_prior)
-        bumped = _bumped(known, gyro_l, masked, seen, models)
+        residual = _residual(known, whitened, seen, models)
+        bumped = _bumped(residual, masked)
         if (bumped != masked).any():
             masked = bumped
-            seen = columns(known, gyro_l, masked, lines.frequency)
+            seen = columns(known, whitened, masked, lines.frequency)
             models = evidence(known, seen, lines.log_prior)
-    return known, lines, masked, seen, models
+            residual = _residual(known, whitened, seen, models)
+    return Explored(known, lines, masked, seen, models, residual)
 
 
 def grown(flags: Mask) -> Mask:
@@ -160,30 +175,32 @@ class Lines:
 
     def divided(self, share: Array, spacing: float, *, last: bool) -> Lines:
         """Divide those that hold a tone, the likeliest first; leave out those that hold none, if these are the last."""
-        total, made = len(share), list[tuple[Array, Array, Index]]()
-        for number in np.argsort(-share):
-            whole = self.parts[number] == 1
-            parts = next((parts for limit, parts in FINER if whole and share[number] > limit), 1)
-            parts = parts if total + parts - 1 <= MOST else 1
-            if last and share[number] < NO_TONE and len(made) > 1:
+        order, total, counts = np.argsort(-share), len(share), list[int]()
+        for expected, whole in zip(share[order].tolist(), (self.parts[order] == 1).tolist(), strict=True):
+            if last and expected < NO_TONE and len(counts) > 1:
                 break
-            offset = ((np.arange(parts) + 0.5) / parts - 0.5) * spacing
-            log_prior = np.full(parts, self.log_prior[number] - np.log(parts))
-            made.append((self.frequency[number] + offset, log_prior, np.full(parts, parts * self.parts[number])))
-            total += parts - 1
-        frequency, log_prior, parts = zip(*made, strict=True)
-        return Lines(np.concatenate(frequency), np.concatenate(log_prior), np.concatenate(parts))
+            parts = next((parts for limit, parts in FINER if whole and expected > limit), 1)
+            counts.append(parts if total + parts - 1 <= MOST else 1)
+            total += counts[-1] - 1
+        made = np.array(counts)
+        number, parts = np.repeat(order[: len(made)], made), np.repeat(made, made)
+        within = np.arange(len(number)) - np.repeat(np.cumsum(made) - made, made)
+        return Lines(
+            self.frequency[number] + ((within + 0.5) / parts - 0.5) * spacing,
+            self.log_prior[number] - np.log(parts),
+            parts * self.parts[number],
+        )
 
 
-def _bumped(known: ToneLaw, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> Mask:
+def _bumped(residual: Array, masked: Mask) -> Mask:
     """Samples that the likeliest model cannot explain; as before if they are too many to be bumps."""
-    square = np.sum(_residual(known, gyro_l, seen, models) ** 2, axis=1)
+    square = np.sum(residual**2, axis=1)
     # 2.366 is the median of chi-square with 3 degrees of freedom.
     bumped = grown(square > BUMP_CHI2 * max(1.0, float(np.median(square[~masked])) / 2.366))
     return bumped if bumped.mean() <= MOST_BUMPED else masked
 
 
-def _residual(known: ToneLaw, gyro_l: Array, seen: Columns, models: Evidence) -> Array:
+def _residual(known: ToneLaw, whitened: Array, seen: Columns, models: Evidence) -> Array:
     """Whitened residual (n, 3) of all samples from the likeliest model, fitted to those that are not masked."""
     slow, which = np.unravel_index(np.argmax(models.posterior), models.log_weight.shape)
     f, k = len(seen.frequency), len(known.share)
@@ -196,12 +213,12 @@ def _residual(known: ToneLaw, gyro_l: Array, seen: Columns, models: Evidence) ->
     fitted = np.linalg.solve(inside.T @ inside + np.diag(free), inside.T @ seen.known[:, 1:4])
     whole = known.tones(seen.frequency[tones])[:, _interleaved(len(tones))]
     design = np.concatenate([known.constant[:, None], known.settling[:, settles], whole], axis=1)
-    return known.whitened(gyro_l) - design @ fitted
+    return whitened - design @ fitted
 
 
-def _excess(known: ToneLaw, gyro_l: Array, masked: Mask, seen: Columns, models: Evidence) -> float:
+def _excess(residual: Array, masked: Mask) -> float:
     """Mean squared residual of the likeliest model over the variance of its law."""
-    return float(np.mean(_residual(known, gyro_l, seen, models)[~masked] ** 2))
+    return float(np.mean(residual[~masked] ** 2))
 
 
 def _most(masked: Mask) -> float:

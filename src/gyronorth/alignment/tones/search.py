@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.alignment.tones.mixture import mixture
 from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array, Index
+from gyronorth.arrays import Array, Index, robust_noise
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -134,9 +134,8 @@ def _searched(grid: _Grid, gyro_l: Array, rate_hz: float) -> tuple[_Grid, NDArra
 
 
 def white_of(gyro_l: Array) -> float:
-    """Noise of a sample from second differences, which slow motion does not reach: rad/s."""
-    second = np.diff(gyro_l, n=2, axis=0)
-    return float(max(1.4826 * np.median(np.abs(second)) / np.sqrt(6), 1e-12))
+    """Noise of a sample, rad/s, where the profile states none: what slow motion, tones and bumps do not reach."""
+    return max(float(robust_noise(gyro_l, order=2)), 1e-12)
 
 
 @lru_cache(maxsize=8)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, robust_noise
 from gyronorth.conditioning import block_means
 
 #: The accelerometer is looked at in means over this time, s: a vehicle rocks within it, and speeds up for longer.
@@ -39,8 +39,8 @@ def _parts(accel_b: Array, stretch: tuple[int, int], size: int, rate_hz: float) 
         return [stretch]
     usual = np.median(mean, axis=0)
     off = mean - usual
-    scatter = 1.4826 * np.median(np.abs(np.diff(mean, axis=0))) / np.sqrt(2)
-    speeding = (np.abs(off) > max(SPEEDING, SCATTERS * float(scatter))).any(axis=1)
+    scatter = float(robust_noise(mean))
+    speeding = (np.abs(off) > max(SPEEDING, SCATTERS * scatter)).any(axis=1)
     if not speeding.any():
         return [stretch]
     wide = np.convolve(speeding, np.ones(3), mode="same") > 0.5  # a step on each side: it begins and ends within one

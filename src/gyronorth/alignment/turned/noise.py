@@ -43,7 +43,10 @@ def with_noise(sensor: Sensor, blocks: Blocks, fine: Blocks) -> Sensor:
 
 
 def _scatter(blocks: Blocks, values: Array) -> tuple[float, float]:
-    """Noise density from differences of neighbouring blocks of a stretch, and the usual length of these, s."""
+    """Noise density from differences of neighbouring blocks of a stretch, and the usual length of these, s.
+
+    Of blocks of unequal length with turns between: `conditioning.noise_density` takes one record without a break.
+    """
     inside = blocks.still[1:] & (blocks.stretch[1:] == blocks.stretch[:-1])
     inverse = (1 / blocks.seconds[1:] + 1 / blocks.seconds[:-1])[inside]
     if not inside.any():

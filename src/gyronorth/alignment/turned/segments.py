@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gyronorth.alignment.turned.driving import standing
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array, median
+from gyronorth.arrays import Array, median, robust_noise
 from gyronorth.attitude import attitude_path, conjugate, multiply, rotate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -151,7 +151,7 @@ def find_segments(
     if count < 3:
         return Segments((), (), ())
     chunk = gyro_b[: count * size].reshape(count, size, 3).mean(axis=1)
-    scatter = 1.4826 * median(np.abs(np.diff(chunk, axis=0)), axis=0) / np.sqrt(2)
+    scatter = robust_noise(chunk, axis=0)
     slow = chunk[(np.abs(chunk) < limit + MOTION_SIGMAS * scatter).all(axis=1)]
     if len(slow) * size < SHORTEST_STRETCH * rate_hz:
         moving = np.ones(count, dtype=bool)
@@ -201,7 +201,7 @@ def _is_spin(part: Array, rate_hz: float) -> bool:
     axis = np.asarray(np.linalg.svd(chunk, full_matrices=False)[2][0], dtype=float)
     angle = abs(float((part @ axis).sum())) / rate_hz
     across = np.asarray(chunk - np.outer(chunk @ axis, axis), dtype=float)
-    noise = 1.4826 * float(median(np.abs(np.diff(across, axis=0)))) / np.sqrt(2)
+    noise = float(robust_noise(across))
     wobble = float(np.sqrt(np.mean(across**2)))
     return bool(
         angle > np.pi / 2

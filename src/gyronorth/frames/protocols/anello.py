@@ -3,7 +3,9 @@
 `#APIMU,` time since power-up (ms), time of synchronisation (ms; only in newer firmware), AX, AY, AZ (g), WX, WY, WZ of
 the MEMS gyros (deg/s), OG_WX, OG_WY, OG_WZ of the optical gyros (deg/s), ..., temperature, `*` and the exclusive or of
 all between # and * in two digits. The optical gyros are taken. Lines of units with one optical gyro (EVK, GNSS INS:
-OG_WZ alone) have the MEMS rates of x and y, and are refused: these cannot find north.
+OG_WZ alone) have the MEMS rates of x and y, and are refused: these cannot find north. A line of 11 or 12 fields is of
+such a unit (speed and time of an odometer follow OG_WZ), unless three fields in place of the optical gyros have the
+same number of decimals.
 
 Sources: docs-a1.readthedocs.io; facts of the ANELLO ROS driver. Its real line (an EVK, checksum 55) is in the tests:
 the checksum holds and it is refused. The line with three optical gyros is not verified against a real one, nor is
@@ -19,42 +21,56 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
-from gyronorth.frames.checksums import xor_8
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync
-from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts
+from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, xor_holds
 
 _NAME = b"#APIMU,"
 _LONGEST = 256
 #: Fields after the name: with one optical gyro (without and with the time of synchronisation), with three.
 _ONE, _LEAST_OF_THREE = (10, 11, 12), 13
+#: Fields of lines that end with the optical gyros, and added to the layout of such lines or those with one field more.
+_SHORTEST_OF_THREE, _SHORT = 11, 1000
+#: Decimals of an optical gyro, deg/s.
+_FINE = 4
 
 
 def _starts(data: Bytes) -> tuple[Index, Index]:
     return line_starts(data, at_sync(data, b"#AP"), 2, _LONGEST)
 
 
-def _whole(rows: Bytes) -> Mask:
-    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
-
-
 def _layouts(rows: Bytes) -> Index:
-    if rows.shape[1] < len(_NAME):
-        return np.full(len(rows), OTHER, np.int64)
-    named = (rows[:, : len(_NAME)] == np.frombuffer(_NAME, np.uint8)).all(axis=1)
-    fields = (rows == ord(",")).sum(axis=1)
-    return np.where(named & (fields >= min(_ONE)), fields, OTHER)
+    fields = commas_if_named(rows, _NAME)
+    short = np.flatnonzero((fields == _SHORTEST_OF_THREE) | (fields == _SHORTEST_OF_THREE + 1))
+    if len(short):
+        fields[short[_three_alike(rows[short])]] += _SHORT
+    return np.where(fields >= min(_ONE), fields, OTHER)
+
+
+def _three_alike(lines: Bytes) -> Mask:
+    """Whether the fields 8 to 10, from 0, of lines of one length have as many decimals, four at least."""
+    is_comma = lines == ord(",")
+    number = np.cumsum(is_comma, axis=1)
+    decimals = []
+    for field in (8, 9, 10):
+        within = (number == field + 1) & ~is_comma
+        within[:, -3:] = False
+        pointed = np.cumsum(within & (lines == ord(".")), axis=1) > 0
+        decimals.append((within & pointed).sum(axis=1) - 1)
+    first, second, third = decimals
+    return (first >= _FINE) & (first == second) & (second == third)
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:
-    wanted = [0, *range(2, 5), *range(8, 11), layout - 1]  # time, acceleration, optical rate, temperature
-    values = columns_from_end(rows, -3, [place - layout for place in wanted])
+    count = layout % _SHORT
+    wanted = [0, *range(2, 5), *range(8, 11), count - 1]  # time, acceleration, optical rate, temperature
+    values = columns_from_end(rows, -3, [place - count for place in wanted])
     finite = np.isfinite(values).all(axis=1) & (np.abs(values[:, 0]) < 1e12)
     return Fields(
         gyro=np.radians(values[:, 4:7]),
         accel=values[:, 1:4] * STANDARD_GRAVITY,
         ticks=np.round(np.where(finite, values[:, 0], 0.0) * 1e3).astype(np.int64),
         tick=1e-6,
-        temperature=values[:, -1],
+        temperature=None if count == _SHORTEST_OF_THREE else values[:, -1],
         usable=finite,
     )
 
@@ -69,5 +85,5 @@ def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
 
 
 PROTOCOL = Protocol(
-    "anello", 3, _starts, _whole, _layouts, _fields, scale=_scale, line_ends=True, lines=lambda _layout: True
+    "anello", 3, _starts, xor_holds, _layouts, _fields, scale=_scale, line_ends=True, lines=lambda _layout: True
 )

@@ -59,6 +59,11 @@ def _flags(blocks: Blocks) -> int | None:
     return 0 if _GYRO in blocks else None
 
 
+def _has_force(row: Bytes) -> bool:
+    blocks, _ = _parse(row) or ({}, None)
+    return tuple(row[2:4].tolist()) == _USER_DATA and _ACCEL in blocks
+
+
 def _layouts(rows: Bytes) -> Index:
     user = (rows[:, 2] == _USER_DATA[0]) & (rows[:, 3] == _USER_DATA[1])
     return np.where(user, layouts_of(rows, _parse, _flags), OTHER)
@@ -77,4 +82,4 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
     )
 
 
-PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields)
+PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, has_force=_has_force)

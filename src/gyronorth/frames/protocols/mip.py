@@ -79,6 +79,11 @@ def _reads(layout: int) -> int:
     return gyro | accel | time | layout & _BITS[_TEMPERATURES]
 
 
+def _has_force(row: Bytes) -> bool:
+    blocks, _ = _parse(row) or ({}, None)
+    return row[2] == _SENSOR_SET and (_ACCEL in blocks or _DELTA_VELOCITY in blocks)
+
+
 def _layouts(rows: Bytes) -> Index:
     layout = layouts_of(rows, _parse, _flags)
     return np.where(rows[:, 2] == _SENSOR_SET, layout, OTHER)
@@ -122,4 +127,4 @@ def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(1.0, STANDARD_GRAVITY, bool(reads & _BITS[_DELTA_THETA]), bool(reads & _BITS[_DELTA_VELOCITY]))
 
 
-PROTOCOL = Protocol("mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale)
+PROTOCOL = Protocol("mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, has_force=_has_force)

@@ -104,6 +104,8 @@ def _is_text(rows: Bytes) -> Mask:
 
 def _whole(rows: Bytes) -> Mask:
     text, whole = _is_text(rows), np.zeros(len(rows), bool)
+    if text.all():
+        return _crc(rows[:, 1:-9]) == hex_at_end(rows, 8)
     lines, binary = rows[text], rows[~text]
     if len(lines):
         whole[text] = _crc(lines[:, 1:-9]) == hex_at_end(lines, 8)
@@ -122,6 +124,8 @@ def _crc(rows: Bytes) -> Index:
 def _layouts(rows: Bytes) -> Index:
     """1000 x number of the log + type of the IMU (0 where the log does not name it), + `_TEXT` for text."""
     text, layout = _is_text(rows), np.full(len(rows), OTHER, np.int64)
+    if text.all():
+        return _layouts_of_lines(rows[:, 1:-9])
     if text.any():
         layout[text] = _layouts_of_lines(rows[text, 1:-9])
     index = np.flatnonzero(~text)
@@ -148,29 +152,26 @@ def _layouts_of_lines(lines: Bytes) -> Index:
             continue
         ours = lines[named]
         body = np.argmax(ours == ord(";"), axis=1)
-        row, place = np.nonzero(ours == ord(","))
-        row, place = (each[place > body[row]] for each in (row, place))
-        count = np.bincount(row, minlength=len(ours))
-        good = (count == (10 if log in _TYPED else 8)) & (body > 0)
-        first = np.cumsum(count) - count
+        commas = (ours == ord(",")) & (np.arange(size) > body[:, None])
+        good = (commas.sum(axis=1, dtype=np.uint8) == (10 if log in _TYPED else 8)) & (body > 0)
         if log in _TYPED and good.any():
-            start = place[first[good]] + 1
-            imu = _small_numbers(ours[good], start, place[first[good] + 1] - start)
+            imu = _small_numbers(ours[good], np.argmax(commas[good], axis=1) + 1)
             layout[named[good]] = np.where(imu == _NO_TYPE, OTHER, _TEXT + log * 1000 + imu)
         else:
             layout[named[good]] = _TEXT + log * 1000
     return layout
 
 
-def _small_numbers(lines: Bytes, start: Index, size: Index) -> Index:
+def _small_numbers(lines: Bytes, start: Index) -> Index:
     """The number of one to three digits that begins at a place of each line; `_NO_TYPE` where there is none."""
-    number, good = np.zeros(len(lines), np.int64), (size >= 1) & (size <= 3)
+    field = lines[np.arange(len(lines))[:, None], np.minimum(start[:, None] + np.arange(4), lines.shape[1] - 1)]
+    size = np.argmax(field == ord(","), axis=1)  # 0: no field, or a longer one
+    digit = field.astype(np.int64) - ord("0")
+    number, good = np.zeros(len(lines), np.int64), size > 0
     for place in range(3):
         within = place < size
-        at = np.minimum(start + place, lines.shape[1] - 1)
-        digit = lines[np.arange(len(lines)), at].astype(np.int64) - ord("0")
-        good &= ~within | ((digit >= 0) & (digit <= 9))
-        number = np.where(within, 10 * number + digit, number)
+        good &= ~within | ((digit[:, place] >= 0) & (digit[:, place] <= 9))
+        number = np.where(within, 10 * number + digit[:, place], number)
     return np.where(good & (number < _NO_TYPE), number, _NO_TYPE)
 
 

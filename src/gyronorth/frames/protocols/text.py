@@ -6,16 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gyronorth.arrays import Array, Index
+from gyronorth.arrays import Array, Index, Mask
+from gyronorth.frames.checksums import xor_8
 from gyronorth.frames.protocol import Bytes
 
 _HEX = np.full(256, -1, np.int64)
 for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
     _HEX[np.frombuffer(_digits, np.uint8)] = np.arange(16)
-
-#: Digits of an integer that a float holds exactly, in any sum of its digits.
+#: Digits of an integer that a float holds exactly.
 _EXACT_DIGITS = 15
-_POWERS = 10.0 ** np.arange(_EXACT_DIGITS + 3)
+_POWERS = 10.0 ** np.arange(_EXACT_DIGITS + 1)
+#: Characters of a field whose number fits in 32 bits.
+_SHORT = 8
 
 
 def line_starts(data: Bytes, starts: Index, digits: int, longest: int) -> tuple[Index, Index]:
@@ -40,6 +42,19 @@ def hex_at_end(rows: Bytes, digits: int) -> Index:
     return np.where((values >= 0).all(axis=1), number, -1)
 
 
+def xor_holds(rows: Bytes) -> Mask:
+    """Whether the two digits behind the asterisk are the XOR of all characters between the first one and it, (n,)."""
+    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
+
+
+def commas_if_named(rows: Bytes, name: bytes) -> Index:
+    """Commas of each line that begins with a name, (n,); -1 where it does not."""
+    if rows.shape[1] < len(name):
+        return np.full(len(rows), -1, np.int64)
+    named = (rows[:, : len(name)] == np.frombuffer(name, np.uint8)).all(axis=1)
+    return np.where(named, (rows == ord(",")).sum(axis=1), -1)
+
+
 def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: int = 0) -> Array:
     """Numbers of some of the fields between commas (or semicolons), (n, columns); NaN where a field is none.
 
@@ -53,50 +68,49 @@ def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: in
         Numbers of the fields from the end, -1: the last one. Every line has as many.
     begin : int
         Characters at the begin that belong to none of these fields.
-
-    Notes
-    -----
-    Up to 15 digits are an integer that a float holds exactly, and so is the power of ten that it is divided by: the
-    quotient is the float nearest to the text. Other numbers go through `float`.
     """
     text = np.full((len(rows), rows.shape[1] + end - begin + 1), ord(","), np.uint8)
     text[:, :-1] = rows[:, begin:end]
+    text[text == ord(";")] = ord(",")
     flat = text.ravel()
-    digit = flat - np.uint8(ord("0"))  # wraps: what is below 0 is far above 9
-    is_digit = digit <= 9
-    commas = np.flatnonzero((flat == ord(",")) | (flat == ord(";")))
-    last = np.searchsorted(commas, np.arange(1, len(rows) + 1) * text.shape[1]) - 1
-    ends = commas[last[:, None] + 1 + np.array(columns)]
-    starts = commas[np.maximum(last[:, None] + np.array(columns), 0)] + 1
-    starts = np.where(last[:, None] + np.array(columns) < 0, 0, starts)
-    edges = np.stack([starts, ends], axis=-1).reshape(-1)
-    order = np.argsort(starts.ravel(), kind="stable")
-    back = np.argsort(order)
-    edges = edges.reshape(-1, 2)[order].ravel()
+    commas = np.flatnonzero(flat == ord(","))
+    last = np.searchsorted(commas, np.arange(1, len(rows) + 1) * text.shape[1]) - 1  # the one put behind each line
+    before = last[:, None] + np.array(columns)
+    starts = np.where(before < 0, 0, commas[np.maximum(before, 0)] + 1).ravel()
+    sizes = commas[before + 1].ravel() - starts
+    values, short = np.empty(len(starts)), sizes <= _SHORT
+    for group in (short, ~short):
+        values[group] = _numbers(flat, starts[group], sizes[group])
+    return values.reshape(len(rows), len(columns))
 
-    places = np.flatnonzero(is_digit)
-    passed = np.cumsum(np.bincount(edges, minlength=len(flat)), dtype=np.int32)[places]  # begins and ends before it
-    wanted = (passed & 1) == 1
-    places, field = places[wanted], passed[wanted] >> 1
-    count = np.bincount(field, minlength=len(order))
-    behind = np.cumsum(count)[field] - np.arange(len(field)) - 1  # digits that follow in the field
-    weight = digit[places] * _POWERS[np.minimum(behind, len(_POWERS) - 1)]
-    whole = np.bincount(field, weights=weight, minlength=len(order))
 
-    begin_at, end_at = edges[::2], edges[1::2]
-    sign = flat[begin_at]
-    signed = (sign == ord("-")) | (sign == ord("+"))
-    dots = np.flatnonzero(flat == ord("."))
-    first = np.searchsorted(dots, begin_at)
-    dotted = np.searchsorted(dots, end_at) - first
-    dot = np.append(dots, 0)[np.minimum(first, len(dots))]
-    decimals = np.where(dotted > 0, end_at - dot - 1, 0)
-    plain = (count > 0) & (count <= _EXACT_DIGITS) & (dotted <= 1) & (count + dotted + signed == end_at - begin_at)
-    value = whole / _POWERS[np.minimum(decimals, len(_POWERS) - 1)]
-    value = np.where(sign == ord("-"), -value, value)
+def _numbers(text: Bytes, start: Index, size: Index) -> Array:
+    """The numbers that begin at places of a text, (n,); NaN for what is none.
+
+    Up to 15 digits are an integer that a float holds exactly, and so is the power of ten that it is divided by: the
+    quotient is the float nearest to the text. Other numbers go through `float`.
+    """
+    width = int(min(size.max(initial=0), _EXACT_DIGITS + 2))  # with sign and point
+    dtype = np.int32 if width <= _SHORT else np.int64
+    number, digits, decimals = np.zeros(len(start), dtype), np.zeros(len(start), np.int8), np.zeros(len(start), np.int8)
+    pointed, plain = np.zeros(len(start), bool), size <= width
+    for place in range(width):
+        within = place < size
+        char = text[np.minimum(start + place, len(text) - 1)]
+        digit = char - np.uint8(ord("0"))  # wraps: what is below 0 is far above 9
+        is_digit, is_point = (digit <= 9) & within, (char == ord(".")) & within & ~pointed
+        is_sign = ((char == ord("-")) | (char == ord("+"))) & (place == 0)
+        plain &= is_digit | is_point | is_sign | ~within
+        number = np.where(is_digit, number * dtype(10) + digit, number)
+        digits += is_digit
+        decimals += is_digit & pointed
+        pointed |= is_point
+    plain &= (digits > 0) & (digits <= _EXACT_DIGITS)
+    value = number / _POWERS[np.minimum(decimals, _EXACT_DIGITS)]
+    value = np.where(text[np.minimum(start, len(text) - 1)] == ord("-"), -value, value)
     for i in np.flatnonzero(~plain).tolist():
-        value[i] = _number(flat[begin_at[i] : end_at[i]].tobytes())
-    return value[back].reshape(len(rows), len(columns))
+        value[i] = _number(text[start[i] : start[i] + size[i]].tobytes())
+    return value
 
 
 def _number(text: bytes) -> float:

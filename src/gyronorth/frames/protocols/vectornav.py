@@ -7,7 +7,7 @@ bias: at rest that bias can hold Earth rate itself. x forward, y right, z down.
 
 Sources: UM001 and UM005 (binary output message), field lengths and SensSat bits as in VectorNav's programming library.
 Not verified against a real frame. Outputs with fields of variable length (RawMeas, SatInfo) or more than seven groups
-are passed over.
+are passed over. Lines of text between them ($VN...) are whole frames that hold none of this.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ import zlib
 import numpy as np
 
 from gyronorth.arrays import Index, Mask
-from gyronorth.frames.checksums import column, crc_msb
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol
+from gyronorth.frames.checksums import column, crc_msb, xor_8
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync
+from gyronorth.frames.protocols.text import hex_at_end, line_starts
 
 #: Bytes of the fields by group and bit; 0: not known, or of variable length.
 _SIZES = np.array(
@@ -56,10 +57,19 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
         at += 2 * present
     length = at + payload + 2
     possible &= length <= _LONGEST
-    return start[possible], length[possible]
+    text, text_length = line_starts(data, at_sync(data, b"$VN"), 2, _LONGEST)
+    start, length = np.append(start[possible], text), np.append(length[possible], text_length)
+    order = np.argsort(start, kind="stable")
+    return start[order], length[order]
 
 
 def _whole(rows: Bytes) -> Mask:
+    text = rows[:, 0] == ord("$")
+    if text.any():
+        whole = np.zeros(len(rows), bool)
+        whole[text] = xor_8(rows[text, 1:-3]) == hex_at_end(rows[text], 2)
+        whole[~text] = _whole(rows[~text]) if not text.all() else False
+        return whole
     return crc_msb(rows[:, 1:-2], 16, 0x1021, 0) == column(rows, rows.shape[1] - 2, ">u2")
 
 
@@ -85,8 +95,17 @@ def _kind(fields: dict[tuple[int, int], int]) -> int | None:
     return _FILTERED if (_COMMON, 5) in fields or (_IMU, 10) in fields else None
 
 
+def _has_force(row: Bytes) -> bool:
+    if row[0] == ord("$"):
+        return False
+    fields, _ = _header(row)
+    return any(
+        field in fields for field in ((_COMMON, 8), (_COMMON, 9), (_COMMON, 11), (_IMU, 2), (_IMU, 7), (_IMU, 9))
+    )
+
+
 def _layouts(rows: Bytes) -> Index:
-    layout, open_ = np.full(len(rows), OTHER, np.int64), np.ones(len(rows), bool)
+    layout, open_ = np.full(len(rows), OTHER, np.int64), rows[:, 0] != ord("$")
     while open_.any():
         model = rows[np.argmax(open_)]
         fields, size = _header(model)
@@ -139,4 +158,14 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-PROTOCOL = Protocol("vectornav", 2 + 2 * _GROUPS, _starts, _whole, _layouts, _fields, rank=lambda layout: layout & 15)
+PROTOCOL = Protocol(
+    "vectornav",
+    2 + 2 * _GROUPS,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    has_force=_has_force,
+    line_ends=True,
+    rank=lambda layout: layout & 15,
+)

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.arrays import Index, Mask
-from gyronorth.frames.checksums import xor_8
+from gyronorth.arrays import Index
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync
-from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts
+from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, xor_holds
 
 _NAME, _COMMAS, _LAYOUT = b"$VNIMU,", 11, 1
 _LONGEST = 256
@@ -24,15 +23,8 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
     return line_starts(data, at_sync(data, b"$VN"), 2, _LONGEST)
 
 
-def _whole(rows: Bytes) -> Mask:
-    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
-
-
 def _layouts(rows: Bytes) -> Index:
-    if rows.shape[1] < len(_NAME):
-        return np.full(len(rows), OTHER, np.int64)
-    named = (rows[:, : len(_NAME)] == np.frombuffer(_NAME, np.uint8)).all(axis=1)
-    return np.where(named & ((rows == ord(",")).sum(axis=1) == _COMMAS), _LAYOUT, OTHER)
+    return np.where(commas_if_named(rows, _NAME) == _COMMAS, _LAYOUT, OTHER)
 
 
 def _fields(rows: Bytes, _layout: int) -> Fields:
@@ -42,5 +34,5 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
 
 
 PROTOCOL = Protocol(
-    "vectornav-ascii", 3, _starts, _whole, _layouts, _fields, line_ends=True, lines=lambda _layout: True
+    "vectornav-ascii", 3, _starts, xor_holds, _layouts, _fields, line_ends=True, lines=lambda _layout: True
 )

@@ -88,6 +88,11 @@ def _reads(layout: int) -> int:
     return (gyro or rate) | accel | layout & (_BITS[_TIME] | _BITS[_COUNTER] | _BITS[_TEMPERATURE])
 
 
+def _has_force(row: Bytes) -> bool:
+    blocks, _ = _parse(row) or ({}, None)
+    return row[2] == _MTDATA2 and any(name in blocks for name in (_DELTA_V, _ACCEL, _ACCEL_HR))
+
+
 def _layouts(rows: Bytes) -> Index:
     return np.where(rows[:, 2] == _MTDATA2, layouts_of(rows, _parse, _flags), OTHER)
 
@@ -144,4 +149,6 @@ def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(gyro_increments=bool(reads & _BITS[_DELTA_Q]), accel_increments=bool(reads & _BITS[_DELTA_V]))
 
 
-PROTOCOL = Protocol("xbus", _HEAD, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, weak=True)
+PROTOCOL = Protocol(
+    "xbus", _HEAD, _starts, _whole, _layouts, _fields, reads=_reads, has_force=_has_force, scale=_scale, weak=True
+)

@@ -23,7 +23,7 @@ import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
-from gyronorth.readers.columns import Chosen, by_numbers, by_titles, told
+from gyronorth.readers.columns import Chosen, bare_triple, by_numbers, by_titles, told
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.joining import joined
@@ -33,7 +33,7 @@ from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.presets import Preset, matching
 from gyronorth.readers.source import FLAGS, FORCES, NAMES, RATES, TIME, Block, Facts, Parts, Question, Source
 from gyronorth.readers.text import Layout, text_blocks, text_parts
-from gyronorth.readers.text_clock import FoundClock, find_clock
+from gyronorth.readers.text_clock import FoundClock, find_clock, numbers
 from gyronorth.readers.titles import Title, take_apart
 
 #: What a live recording states of itself: its last line may be cut off, and marks stand between its rows.
@@ -43,6 +43,9 @@ MARK = b"# mark: "
 COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*+(.*)$")
 #: How lines begin that are no rows.
 COMMENT_BEGINS = (b"#", b"%", b"//")
+#: Rows of several sensors: most of these, share of rows at which they turn, fewest rows of each, and how many times the
+#: spread of one their middles lie apart.
+MOST_KINDS, MANY_TURNS, FEWEST_OF_A_KIND, APART = 8, 0.2, 10, 30.0
 _PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
 _PUBLISHED_TITLES = ("", *RATES, *FORCES)
 _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="frd")
@@ -50,6 +53,11 @@ _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="fr
 
 def open_csv(path: Path, options: ReadOptions) -> Source:
     """Open a text file with columns."""
+    return open_layout(path, options)[0]
+
+
+def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, Layout]:
+    """A text file with columns, how it is laid out, and how its rows are read."""
     layout = sniff(path)
     facts, ours = stated_facts(layout.comments, path.name)
     live = layout.comments.get(SIGNATURE[0], ("", 0))[0] == LIVE_FORMAT
@@ -68,14 +76,15 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
     else:
         preset = None if ours or not titles else matching(titles, _preamble(layout), path.name)
         stated, usual = facts, _usual(preset)
-    if _only(preset, titles) is None:
-        _reject_two_kinds(layout, path.name)
+    only = _only(preset, titles) or _kinds(layout, path.name)
     parts = [take_apart(title, unit) for title, unit in zip_longest(titles, layout.units, fillvalue="")]
-    parts = _named_by_file(parts, path)
+    parts = _named(parts, "gyro") if only is not None and preset is None else _named_by_file(parts, path)
     chosen = _chosen(layout, parts, options, preset, path.name)
     positions = choose_columns(
         list(titles) if titles else layout.width, chosen.columns, {}, path.name, needed=options.needed
     )
+    if only is None:
+        _reject_numbered_kinds(layout, positions, path.name)
     clock = None
     if TIME in positions:
         unit = options.time_unit or ("s" if ours or live else usual_time(preset))
@@ -95,7 +104,7 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         blank=layout.blank or (clock is not None and not ours and not live),
         sparse=layout.sparse, decimal=layout.decimal, encoding=layout.encoding, line_end=layout.line_end,
         end=None if ours or live else layout.end, clock=composed, texts=bool(layout.texts),
-        only=_only(preset, titles),
+        only=None if only is None else only[:2],
     )  # fmt: skip
     units = {"gyro": options.gyro_unit or stated.gyro_unit or usual.gyro_unit or "unit open",
              "accel": options.accel_unit or stated.accel_unit or usual.accel_unit or "unit open"}  # fmt: skip
@@ -118,20 +127,62 @@ def open_csv(path: Path, options: ReadOptions) -> Source:
         questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
         read_as="" if ours or live or heading is not None else read_as + words,
     )
-    return source if preset is None else _of_two_kinds(source, preset, layout, path, rows)
+    return (source if only is None else _of_two_kinds(source, only, layout, path, rows)), layout, rows
 
 
-def _reject_two_kinds(layout: TextLayout, name: str) -> None:
-    """Refuse rows of a gyroscope and of an accelerometer in turn, told apart by a word, that no preset knows."""
+def _kinds(layout: TextLayout, name: str) -> tuple[int, str, str] | None:
+    """Rows of a gyroscope and of an accelerometer in turn, told apart by a word: its column and the two words.
+
+    Raises
+    ------
+    InputError
+        If there is more than one of either, or no titles x, y, z say which columns hold their values.
+    """
     for column in layout.texts:
         kinds = sorted({row[column] for row in layout.rows})
         gyro, accel = ([kind for kind in kinds if word in kind.lower()] for word in ("gyr", "acc"))
-        if gyro and accel:
+        if not (gyro and accel):
+            continue
+        if len(gyro) == len(accel) == 1 and bare_triple([take_apart(title) for title in layout.titles]) is not None:
+            return column, gyro[0], accel[0]
+        raise InputError(
+            f"{name} has rows of several kinds, told apart by column {column}: {', '.join(kinds[:8])}. Write those "
+            f"of {gyro[0]} and those of {accel[0]} into a file each, without that word and with titles, and give "
+            "the second one by --accel."
+        )
+    return None
+
+
+def _reject_numbered_kinds(layout: TextLayout, positions: Mapping[str, int], name: str) -> None:
+    """Refuse rows of two sensors in turn, told apart by a whole number: what is read as rate differs between them."""
+    used = [positions[ours] for ours in (*RATES, *FORCES) if ours in positions]
+    rates = np.column_stack([numbers(layout, position) for position in used[:3]])
+    for column in range(layout.width):
+        if column in (*layout.texts, *positions.values()):
+            continue
+        kinds = numbers(layout, column)
+        each = np.unique(kinds[np.isfinite(kinds)])
+        if not 2 <= len(each) <= MOST_KINDS or (each != np.rint(each)).any() or _turns(kinds) < MANY_TURNS * len(kinds):
+            continue
+        kept = each.astype(int).tolist()
+        groups = [rates[kinds == kind] for kind in kept]
+        if min(map(len, groups)) < FEWEST_OF_A_KIND:
+            continue
+        middle = np.array([np.nanmedian(group, axis=0) for group in groups])
+        width = np.max(
+            [np.nanmedian(abs(group - at), axis=0) for group, at in zip(groups, middle, strict=True)], axis=0
+        )
+        if (np.ptp(middle, axis=0) > APART * width).any():
+            what = layout.titles[column] if layout.titles else f"column {column}"
             raise InputError(
-                f"{name} has rows of several kinds, told apart by column {column}: {', '.join(kinds[:8])}. Write those "
-                f"of {gyro[0]} and those of {accel[0]} into a file each, without that word and with titles, and give "
-                "the second one by --accel."
+                f"{name} has rows of {len(groups)} sensors in turn, told apart by {what}: {', '.join(map(str, kept))}. "
+                "Write those of the gyroscope into a file of their own, and those of the accelerometer into another, "
+                "which --accel takes."
             )
+
+
+def _turns(kinds: np.ndarray) -> int:
+    return int((np.diff(kinds) != 0).sum())
 
 
 def _repeated_header(layout: TextLayout) -> tuple[bytes, ...]:
@@ -139,11 +190,11 @@ def _repeated_header(layout: TextLayout) -> tuple[bytes, ...]:
     return (layout.header.encode(),) if layout.header else ()
 
 
-def _of_two_kinds(source: Source, preset: Preset, layout: TextLayout, path: Path, rows: Layout) -> Source:
+def _of_two_kinds(source: Source, only: tuple[int, str, str], layout: TextLayout, path: Path, rows: Layout) -> Source:
     """Rows of rates joined with the rows of forces between them, which have the same columns."""
-    if rows.only is None or preset.only is None or not any(row[rows.only[0]] == preset.only[2] for row in layout.rows):
+    if not any(row[only[0]] == only[2] for row in layout.rows):
         return source
-    forces = replace(rows, only=(rows.only[0], preset.only[2]))
+    forces = replace(rows, only=(only[0], only[2]))
     accel = replace(
         source,
         columns=(*(name for name in source.columns if name == TIME), *FORCES),
@@ -218,11 +269,11 @@ def usual_time(preset: Preset | None) -> str | None:
     return None if preset is None else preset.declared.get("time_unit")
 
 
-def _only(preset: Preset | None, titles: tuple[str, ...]) -> tuple[int, str] | None:
-    """Position and text of the column by which rows of one kind are known."""
+def _only(preset: Preset | None, titles: tuple[str, ...]) -> tuple[int, str, str] | None:
+    """Position of the column by which rows of two kinds are known, and their texts."""
     if preset is None or preset.only is None:
         return None
-    return titles.index(preset.only[0]), preset.only[1]
+    return titles.index(preset.only[0]), preset.only[1], preset.only[2]
 
 
 def _preamble(layout: TextLayout) -> str:
@@ -235,7 +286,11 @@ def _named_by_file(parts: list[Title], path: Path) -> list[Title]:
         return parts
     stem = path.stem.lower()
     kind = "gyro" if "gyr" in stem else "accel" if "acc" in stem else ""
-    return [replace(part, kind=kind) if kind and part.axis is not None and not part.words else part for part in parts]
+    return _named(parts, kind) if kind else parts
+
+
+def _named(parts: list[Title], kind: str) -> list[Title]:
+    return [replace(part, kind=kind) if part.axis is not None and not part.words else part for part in parts]
 
 
 def _blocks(path: Path, layout: TextLayout, rows: Layout, columns: int) -> Iterator[Block]:

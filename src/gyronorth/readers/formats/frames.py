@@ -111,7 +111,7 @@ def _samples(path: Path, stream: FrameStream) -> Iterator[tuple[Samples, float]]
     Raises
     ------
     InputError
-        If the unit was set anew on the way, so that what comes is another recording.
+        If the unit was reset on the way, so that what comes is another recording.
     """
     size = max(path.stat().st_size, 1)
     with path.open("rb") as file:
@@ -120,20 +120,20 @@ def _samples(path: Path, stream: FrameStream) -> Iterator[tuple[Samples, float]]
             samples = stream.feed(piece) if piece else stream.finish()
             if samples is not None:
                 if len(stream.report.kinds) > 1:
-                    raise _set_anew(path.name, samples, stream.report)
+                    raise _of_two_settings(path.name, samples, stream.report)
                 yield samples, file.tell() / size
             if not piece:
                 return
 
 
-def _set_anew(name: str, samples: Samples, report: Report) -> InputError:
+def _of_two_settings(name: str, samples: Samples, report: Report) -> InputError:
     places = samples.start[samples.jumped]
     at = int(places[-1] if len(places) else samples.start[0])
     before, after = report.kinds[-2:]
     rates = "" if before.rate_hz == after.rate_hz else f" from {before.rate_hz:g} to {after.rate_hz:g} Hz"
     forces = "" if before.accel == after.accel else f" {'with' if after.accel else 'without'} the accelerometer"
     return InputError(
-        f"{name} holds more than one recording: at byte {at} the unit was set anew,{rates}{forces}. Cut the file "
+        f"{name} holds more than one recording: at byte {at} the unit was reset,{rates}{forces}. Cut the file "
         f"there: head -c {at} {name} > first.bin; tail -c +{at + 1} {name} > second.bin."
     )
 
@@ -150,7 +150,7 @@ class _Account:
         if not self.breaks:
             return self.report.findings
         message = (
-            f"The unit or its clock was set anew {self.breaks} times on the way. How long each break was is not known; "
+            f"The unit or its clock was reset {self.breaks} times on the way. How long each break was is not known; "
             "the samples are taken to go on as the bytes and the counter show."
         )
         return (*self.report.findings, Note("clock_set", message, float(self.breaks), 0.0))

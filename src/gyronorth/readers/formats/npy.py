@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.held import NUMBERS, TIMES, held_source
+from gyronorth.readers.library import pickled
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Source
 
@@ -63,14 +64,6 @@ def npy_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     if version not in _HEADERS:
         raise ValueError(f"npy version {version}")
     return _HEADERS[version](file)
-
-
-def pickled(name: str) -> str:
-    """What there is to say of pickled objects."""
-    return (
-        f"{name} holds pickled Python objects, which may run any program when they are loaded; they are never loaded "
-        "here. Save the numbers alone, in Python: numpy.savez('out.npz', t=t, gyro=gyro, accel=accel)."
-    )
 
 
 def tables(arrays: Mapping[str, NDArray[Any]], *, alone: bool = False) -> dict[str, NDArray[Any]]:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.budget import check_claim
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.formats.npy import npy_header, pickled, tables
+from gyronorth.readers.formats.npy import npy_header, tables
 from gyronorth.readers.held import held_source
+from gyronorth.readers.library import pickled
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream

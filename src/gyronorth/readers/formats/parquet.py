@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.arrays import COMPARED, first_rows
+from gyronorth.readers.budget import check_claim
 from gyronorth.readers.columns import Chosen, by_titles, told
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.csv import with_titles
+from gyronorth.readers.formats.tables import is_nested, table_source
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.library import check_whole, errors_translated, library
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
@@ -55,6 +57,10 @@ def open_parquet(path: Path, options: ReadOptions) -> Source:
         starts = np.cumsum([0] + [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)])
         stored = file.metadata.metadata or {}
         texts = {key: stored[key.encode()].decode("utf-8", "replace") for key in KEYS if key.encode() in stored}
+        if not texts and is_nested(schema, path.name):
+            claimed = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
+            check_claim(path.name, "its row groups", claimed, path.stat().st_size)
+            return table_source("parquet", path.name, file.read(use_threads=False), options)
     facts, ours = read_facts(texts, lambda key: f"Metadata {key} of {path.name}")
     titles = tuple(schema.names)
     chosen, first = (Chosen(), None) if ours else _by_titles(path, schema, options)

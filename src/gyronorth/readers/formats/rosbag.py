@@ -28,8 +28,6 @@ from gyronorth.readers.source import Facts, Source
 if TYPE_CHECKING:
     import sqlite3
 
-#: What tells a folder that is a recording of ROS 2.
-METADATA = "metadata.yaml"
 #: Messages of a database alone that are counted topic by topic, a quarter of a second; of more, some are drawn.
 MOST_COUNTED = 1 << 19
 _FACTS_TOPIC = "/gyronorth/recording"
@@ -63,11 +61,6 @@ def open_rosbag1(path: Path, options: ReadOptions) -> Source:
 def open_rosbag2(path: Path, options: ReadOptions) -> Source:
     """Open a bag of ROS 2."""
     return _open_folder(path, options) if path.is_dir() else _open_database(path, options)
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether a folder is a bag of ROS 2, one recording."""
-    return (path / METADATA).is_file()
 
 
 def write_rosbag1(outgoing: RecordingStream, path: Path) -> None:

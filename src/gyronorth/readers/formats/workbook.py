@@ -14,11 +14,12 @@ from typing import Any
 
 from gyronorth.errors import InputError
 from gyronorth.readers.archive import is_workbook
+from gyronorth.readers.asking import ask
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.csv import open_csv
 from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.source import RATES, Source
+from gyronorth.readers.source import RATES, Question, Source
 from gyronorth.readers.spool import Spooled
 
 #: Rows of a sheet that are looked at for numbers; a workbook has at most 2^20 rows.
@@ -41,7 +42,7 @@ def open_workbook(path: Path, options: ReadOptions) -> Source:
     with errors_translated(path.name, ".xlsx workbook"):
         book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
         try:
-            name = _sheet(book, options.variable, path.name)
+            name = _sheet(book, options, path.name)
             spooled = Spooled(f"{path.stem}.csv")
             with spooled.path.open("w", newline="", encoding="utf-8") as text:
                 csv.writer(text).writerows(_rows(book[name]))
@@ -58,7 +59,8 @@ def open_workbook(path: Path, options: ReadOptions) -> Source:
     )
 
 
-def _sheet(book: Any, wanted: str | None, name: str) -> str:
+def _sheet(book: Any, options: ReadOptions, name: str) -> str:
+    wanted = options.variable
     titles = [sheet.title for sheet in book.worksheets]
     if wanted is not None:
         if wanted not in titles:
@@ -68,10 +70,8 @@ def _sheet(book: Any, wanted: str | None, name: str) -> str:
     if not found:
         raise InputError(f"{name} has no sheet with rows of numbers; it holds {', '.join(titles[:12]) or 'no sheet'}.")
     if len(found) > 1:
-        raise InputError(
-            f"{name} has {len(found)} sheets with rows of numbers: {', '.join(found[:12])}. Say which one: --variable "
-            f"{found[0]!r}."
-        )
+        says = f"{name} has {len(found)} sheets with rows of numbers: {', '.join(found[:12])}. Which one is meant?"
+        raise ask(name, options, [Question(says, ("--variable", found[0]), certain=False)])
     return found[0]
 
 

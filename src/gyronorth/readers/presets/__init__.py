@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -70,11 +69,8 @@ def title_of(wanted: str, titles: Sequence[str]) -> str | None:
 @cache
 def shipped() -> tuple[Preset, ...]:
     """All presets of the package, by name."""
-    files = [file for file in resources.files(__name__).iterdir() if file.name.endswith(".json")]
-    return tuple(
-        _preset(file.name.removesuffix(".json"), json.loads(file.read_text(encoding="utf-8")))
-        for file in sorted(files, key=lambda file: file.name)
-    )
+    files = sorted(Path(__file__).parent.glob("*.json"))
+    return tuple(_preset(file.stem, json.loads(file.read_text(encoding="utf-8"))) for file in files)
 
 
 def load(name: str) -> Preset:

@@ -1,0 +1,55 @@
+"""Rounding of samples: what the mean of a rounded rate is off by, and where it is not."""
+
+import numpy as np
+import pytest
+
+from gyronorth.alignment.rounding import rounding_bias
+from gyronorth.pipeline import heading
+from gyronorth.recording import Recording
+from gyronorth.sensor import read_sensor
+from gyronorth.simulation import simulate_batch
+
+NOISE, RUNS, SAMPLES = 1e-5, 40, 1000
+
+
+def rates(seed=1):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1e-4, 1e-4, (RUNS, 1, 3)) + NOISE * rng.standard_normal((RUNS, SAMPLES, 3))
+
+
+@pytest.mark.parametrize("steps", [3.0, 4.0, 6.0])
+def test_the_error_of_rounding_is_held_and_not_much_overstated(steps):
+    gyro, step = rates(), steps * NOISE
+    rounded = np.round(gyro / step) * step
+    actual = np.sqrt(np.mean((rounded - gyro).mean(axis=1) ** 2))
+    found = np.median([rounding_bias(one) for one in rounded])
+    assert 0.7 * actual < found < 4 * actual
+
+
+def test_fine_samples_and_increments_that_carry_over_are_not_off():
+    gyro = rates()
+    assert max(rounding_bias(one) for one in gyro) == 0
+    assert max(rounding_bias(np.round(one / NOISE) * NOISE) for one in gyro) < 0.01 * NOISE
+    for steps in (3.0, 8.0):
+        step = steps * NOISE
+        counts = np.round(np.cumsum(gyro, axis=1) / step)
+        carried = np.diff(counts, axis=1) * step
+        assert np.mean([rounding_bias(one) > 0 for one in carried]) < 0.1
+
+
+def test_a_coarse_output_widens_the_interval_and_is_told():
+    sensor = read_sensor("isa100c")
+    made, force = simulate_batch(
+        sensor, runs=3, latitude=0.8, heading=np.arange(3.0), duration=60, rate_hz=10, rng=np.random.default_rng(3)
+    )
+    step = 4 * sensor.gyro.white * np.sqrt(10)
+    inside = 0
+    for gyro, accel, truth in zip(made, force, np.arange(3.0), strict=True):
+        fine = heading(Recording(gyro, accel, 10.0), latitude=0.8, sensor=sensor)
+        found = heading(Recording(np.round(gyro / step) * step, accel, 10.0), latitude=0.8, sensor=sensor)
+        assert "coarse" in {warning.code for warning in found.warnings}
+        assert "coarse" not in {warning.code for warning in fine.warnings}
+        assert found.sigma > 2 * fine.sigma
+        low, high = found.interval95
+        inside += (truth - low) % (2 * np.pi) <= (high - low) % (2 * np.pi)
+    assert inside == 3
