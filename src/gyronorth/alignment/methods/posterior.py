@@ -33,7 +33,9 @@ from gyronorth.findings import Finding
 MOST_SCALE = 3.0
 #: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
 TOLD_SCALE, TOLD = 2.0, 0.5
-#: A slow tilt is likely from the start (0.6 beside an accelerometer): told where the recording makes its odds three
+#: Probability of a bias far beyond the profile from which the plain mean is judged: the prior of such a bias is small.
+FAULT = 0.4
+#: A slow tilt is likely from the start (0.72 beside an accelerometer): told where the recording makes its odds three
 #: times those, positive evidence by Kass and Raftery (J. Am. Stat. Assoc. 90, 1995).
 TILT_TOLD = 3 * TILT / (1 + 2 * TILT)
 #: Variance of a mean rate by noise below which there is none, (rad/s)^2, and rate in which there is no heading, rad/s.
@@ -117,7 +119,7 @@ def _result(problem: Problem, found: Inferred) -> Result:
     if sensor is not None:
         believed = found.rate_variance - claimed["turn_on_bias"] + (MOST_SCALE * sensor.gyro.turn_on_bias) ** 2
     rate_l, upright = found.rate_l, found.vertical_variance
-    if sensor is not None and found.beyond > TOLD:
+    if sensor is not None and found.beyond > FAULT:
         rate_l = found.mean_l
         believed = claimed["noise"] + claimed["drift"] + (MOST_SCALE * sensor.gyro.turn_on_bias) ** 2
         upright = believed
