@@ -127,7 +127,8 @@ def open_source(path: str | Path, options: ReadOptions) -> Source:
 def _near(path: Path) -> str:
     """The file of the same folder whose name is nearest, as a question."""
     try:
-        return did_you_mean(path.name, [each.name for each in islice(path.parent.iterdir(), 1000) if each.name != path.name])
+        others = [each.name for each in islice(path.parent.iterdir(), 1000) if each.name != path.name]
+        return did_you_mean(path.name, others)
     except OSError:
         return ""
 
