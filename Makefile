@@ -6,7 +6,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
-EXTRAS := report,learned,train,io,live,scale,dev
+EXTRAS := report,learned,train,io,r,live,scale,dev
 comma := ,
 DEMO := examples/data/demo.npz
 # The limit of the small install, in MB (`make demo` on its own, before `make test`).

@@ -344,9 +344,9 @@ def test_a_packed_file_is_read_whatever_its_suffix(tmp_path, pack):
 
 def test_rows_of_two_kinds_that_no_preset_knows_are_told(tmp_path):
     rows = "".join(
-        f"UncalGyro,{i},{10**7 * i},1e-5,2e-5,3e-5\nUncalAccel,{i},{10**7 * i},0.1,0.2,9.8\n" for i in range(50)
+        f"Turn,{10 * i},1e-5,2e-5,{3 + i % 2}e-5\nPush,{10 * i},0.1,0.2,{9.8 + i % 2 / 100}\n" for i in range(50)
     )
     path = tmp_path / "log.txt"
-    path.write_text("# UncalAccel,ms,ns,x,y,z\n# UncalGyro,ms,ns,x,y,z\n" + rows)
-    with pytest.raises(InputError, match="rows of several kinds, told apart by column 0: UncalAccel, UncalGyro"):
-        read(path, gyro_unit="rad/s", accel_unit="m/s2")
+    path.write_text("what,time_ms,w_x,w_y,w_z\n" + rows)
+    with pytest.raises(InputError, match="rows of 2 sensors in turn, told apart by what: Push, Turn"):
+        read(path, gyro_unit="rad/s")

@@ -22,6 +22,8 @@ RATE_STATED_TOLERANCE = 1e-3
 #: Largest difference between a declared latitude and the one that the file states, rad.
 LATITUDE_TOLERANCE = float(np.radians(0.1))
 
+#: Shortest sample interval from which a rate is told, s.
+SHORTEST_STEP = 1e-9
 #: Mean force, in the unit of the file, above which it is neither m/s2 nor g.
 MOST_GRAVITY = 100.0
 
@@ -272,7 +274,8 @@ def _first_values(source: Source, options: ReadOptions) -> tuple[NDArray[np.floa
     if rate_hz is None and source.clock is not None and source.clock.unit is not None and len(rows) > 1:
         step = np.diff(rows[:, 0])
         step = step[step > 0]
-        rate_hz = float(1 / (step.mean() * source.clock.unit)) if len(step) else None
+        seconds = float(step.mean()) * source.clock.unit if len(step) else 0.0
+        rate_hz = 1 / seconds if SHORTEST_STEP < seconds < np.inf else None
     return (values if len(values) > 1 else None), rate_hz
 
 

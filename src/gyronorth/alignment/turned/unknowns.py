@@ -2,10 +2,10 @@
 
 *How the bias scatters from pose to pose.* A bias that steps when the unit is turned (thermal gradients, g-sensitivity,
 a knock) is no drift of a noise law. Its scale is 0 with probability `STEADY`, else one of `SCATTER` times the standard
-deviation that the law gives the mean rate of a pose, all equally likely, so that the prior is even in the logarithm: a
-mixture of normal laws of growing scale, which has a heavy tail as Student's has (Andrews and Mallows, J. R. Stat. Soc.
-B 36, 1974). With weights that fall with the scale more of the large ones were missed. Two poses show it in two figures
-alone, the size of the horizontal Earth rate and the vertical rate; what they leave open, these weights decide.
+deviation that the law gives the mean rate of a pose, each of less weight than the one before: a mixture of normal laws
+of growing scale, which has a heavy tail as Student's has (Andrews and Mallows, J. R. Stat. Soc. B 36, 1974). Two poses
+show it in two figures alone, the size of the horizontal Earth rate and the vertical rate; what they leave open, these
+weights decide.
 
 *How good given turn angles are.* Unless the user says it, one of `ANGLE_SIGMAS`: the gyro's own measure of the turns
 tells them apart where its scale factor is known well enough.
@@ -24,9 +24,9 @@ from gyronorth.sensor import Sensor
 from gyronorth.sensor.law import NoiseLaw
 
 #: Prior probability that the bias of every pose is the same, but for the drift of the profile.
-STEADY = 0.75
-#: Scatter over the noise of a pose.
-SCATTER = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+STEADY = 0.85
+#: Scatter over the noise of a pose, and the weight of each over that of the one before.
+SCATTER, TAIL = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0), 0.7
 #: Standard deviation of a given turn angle, rad, from an index table to a mark on the floor, and its weight.
 ANGLE_SIGMAS = tuple(np.radians((0.01, 0.03, 0.1, 0.3, 1.0, 3.0)).tolist())
 ANGLE_WEIGHTS = (0.3, 0.25, 0.2, 0.13, 0.08, 0.04)
@@ -47,8 +47,9 @@ def hypotheses(
     places = len(np.unique(np.where(blocks.still, blocks.stretch, -1 - blocks.spin)[blocks.still | (blocks.spin >= 0)]))
     scales, weights = [0.0], [1.0]
     if scatter and places > 1:
+        tail = TAIL ** np.arange(len(SCATTER))
         scales += [ratio * _pose_noise(blocks, sensor) for ratio in SCATTER]
-        weights = [STEADY] + [(1 - STEADY) / len(SCATTER)] * len(SCATTER)
+        weights = [STEADY, *((1 - STEADY) * tail / tail.sum()).tolist()]
     angles = [(0.0, 1.0)]
     if given:
         angles = list(zip(ANGLE_SIGMAS, ANGLE_WEIGHTS, strict=True)) if angle_sigma is None else [(angle_sigma, 1.0)]

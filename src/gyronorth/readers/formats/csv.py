@@ -18,6 +18,7 @@ from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryFile
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
         list(titles) if titles else layout.width, chosen.columns, {}, path.name, needed=options.needed
     )
     if only is None:
-        _reject_numbered_kinds(layout, positions, path.name)
+        _reject_kinds(layout, positions, path.name)
     clock = None
     if TIME in positions:
         unit = options.time_unit or ("s" if ours or live else usual_time(preset))
@@ -153,19 +154,24 @@ def _kinds(layout: TextLayout, name: str) -> tuple[int, str, str] | None:
     return None
 
 
-def _reject_numbered_kinds(layout: TextLayout, positions: Mapping[str, int], name: str) -> None:
-    """Refuse rows of two sensors in turn, told apart by a whole number: what is read as rate differs between them."""
+def _reject_kinds(layout: TextLayout, positions: Mapping[str, int], name: str) -> None:
+    """Refuse rows of two sensors in turn, told apart by a whole number or word: what is read as rate differs."""
     used = [positions[ours] for ours in (*RATES, *FORCES) if ours in positions]
     rates = np.column_stack([numbers(layout, position) for position in used[:3]])
     for column in range(layout.width):
-        if column in (*layout.texts, *positions.values()):
+        if column in positions.values():
             continue
-        kinds = numbers(layout, column)
-        each = np.unique(kinds[np.isfinite(kinds)])
+        if column in layout.texts:
+            words, kinds = np.unique([row[column] for row in layout.rows], return_inverse=True)
+            kept: list[Any] = words.tolist()
+            each = np.arange(len(words))
+        else:
+            kinds = numbers(layout, column)
+            each = np.unique(kinds[np.isfinite(kinds)])
+            kept = each.tolist() if (each != np.rint(each)).any() else each.astype(int).tolist()
         if not 2 <= len(each) <= MOST_KINDS or (each != np.rint(each)).any() or _turns(kinds) < MANY_TURNS * len(kinds):
             continue
-        kept = each.astype(int).tolist()
-        groups = [rates[kinds == kind] for kind in kept]
+        groups = [rates[kinds == kind] for kind in each]
         if min(map(len, groups)) < FEWEST_OF_A_KIND:
             continue
         middle = np.array([np.nanmedian(group, axis=0) for group in groups])
