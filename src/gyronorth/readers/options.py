@@ -43,6 +43,8 @@ GYRO_PROPOSED = ("rad/s", "deg/s", "deg/h", "mdeg/s")
 ACCEL_PROPOSED = ("m/s2", "g", "mg")
 #: s in one unit of time.
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+#: Above this no count has units: beyond what any sensor scales by, far below where numbers end.
+LARGEST_SCALE = 1e30
 #: Which sensors hold increments.
 INCREMENTS = ("gyro", "accel", "both", "none")
 #: Names by which a column is known without a declaration; time in seconds has several.
@@ -125,8 +127,9 @@ class ReadOptions:
             ("accel_scale", self.accel_scale),
             ("increment_interval", self.increment_interval),
         ):
-            if value is not None and not 0 < abs(value) < np.inf:
-                raise InputError(f"{name} is {value:g}; a number other than 0 is expected.")
+            if value is not None and not 0 < abs(value) < LARGEST_SCALE:
+                told = f"{value:g}" if abs(value) < LARGEST_SCALE else f"above {LARGEST_SCALE:g}"
+                raise InputError(f"{name} is {told}; a number other than 0 is expected.")
         if self.increment_interval is not None and not (self.increments and self.increment_interval > 0):
             raise InputError(
                 f"increment_interval is {self.increment_interval:g} s; it goes with --increments, and is positive."

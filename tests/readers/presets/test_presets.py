@@ -69,6 +69,11 @@ def test_a_preset_that_was_saved_is_read_again(tmp_path):
         (json.dumps({"gyro": "deg/s"}), "holds gyro; the keys of a preset are title"),
         (json.dumps({"gyro_unit": "deg"}), "gyro_unit is 'deg'"),
         (json.dumps({"columns": 5}), "is no preset"),
+        (json.dumps({"columns": 0}), "is no preset: columns is an object"),
+        (json.dumps({"gyro_scale": 10**400}), r"gyro_scale is above 1e\+30; a number other than 0"),
+        (json.dumps({"gyro_scale": 1e300}), r"gyro_scale is above 1e\+30"),
+        (json.dumps({"rate_hz": 10**400}), "is no preset"),
+        (json.dumps({"only": [1]}), "is no preset"),
     ],
 )
 def test_files_that_are_no_presets(tmp_path, content, message):

@@ -103,7 +103,7 @@ def load(name: str) -> Preset:
         )
     try:
         return _preset(path.stem, document)
-    except (TypeError, KeyError, AttributeError) as error:
+    except (TypeError, LookupError, AttributeError, OverflowError) as error:
         raise InputError(f"{name} is no preset: {error}.") from None
 
 
@@ -124,6 +124,9 @@ def document(options: ReadOptions, title: str) -> str:
 
 def _preset(name: str, content: Mapping[str, Any]) -> Preset:
     declared = {key: content[key] for key in DECLARES if key in content}
+    columns = declared.get("columns", {})
+    if not isinstance(columns, dict) or not all(isinstance(each, str | int) for each in columns.values()):
+        raise TypeError("columns is an object that names the file's column of each of ours")
     ReadOptions(**declared)  # its checks
     only = content.get("only")
     return Preset(
