@@ -163,10 +163,11 @@ def test_figures_of_scale_and_training_are_drawn_from_old_and_new_files(by_steps
     folder = Path(__file__).parents[2] / "docs/results/data/paper"
     scale, sweep = (json.loads((folder / f"{name}.json").read_text()) for name in ("scale", "t_back"))
     scale["curves"].pop("by_steps", None)
+    first = {t: splits[0] for t, splits in sweep["curves"]["training"].items()}
+    sweep["curves"]["training"] = {t: [one, one] for t, one in first.items()} if by_steps else first
     if by_steps:
         points = [{"steps": n, "horizontal_gain": 1.0 + n / 900} for n in (1, 50, 900)]
         scale["curves"]["by_steps"] = {"sequence": points, "none": points}
-        sweep["curves"]["training"] = {t: [h, h] for t, h in sweep["curves"]["training"].items()}
     assert len(study_figure(scale).subfigs) == (2 if by_steps else 0)
     panels = study_figure(sweep).subfigs[1].axes
     assert panels[0].get_legend_handles_labels()[1] == ["train", "validation", "test"]
