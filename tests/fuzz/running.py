@@ -64,7 +64,7 @@ def _unguarded(target: Target) -> Callable[[bytes], str]:
 def broken(target: Target, content: bytes, counts: Counter[str]) -> str | None:
     """How an input breaks the oracle; None where it does not."""
     try:
-        with _limited():
+        with limited("the input"):
             counts[judge(target, content)] += 1
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
@@ -73,11 +73,11 @@ def broken(target: Target, content: bytes, counts: Counter[str]) -> str | None:
 
 
 @contextmanager
-def _limited() -> Iterator[None]:
+def limited(what: str) -> Iterator[None]:
     """Code of ours that goes on for longer is interrupted here; that of others is by its own limits."""
 
     def stop(*_: object) -> None:
-        raise TimeoutError(f"more than {LONGEST:.0f} s of computing")
+        raise TimeoutError(f"{what} took more than {LONGEST:.0f} s of computing")
 
     before = signal.signal(signal.SIGPROF, stop)
     signal.setitimer(signal.ITIMER_PROF, LONGEST)

@@ -9,21 +9,19 @@ from __future__ import annotations
 
 import json
 import resource
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fuzz.recordings import LATITUDE, SEED, Options, base_files
+from fuzz.running import limited
 
 from gyronorth import heading
 from gyronorth.errors import InputError
 from gyronorth.readers import read
 
-#: Longest processor time for one file, s: a thousand times what one takes.
-PATIENCE = 30
 #: Growth of the process that no damaged size field may cause, KiB.
 MEMORY = 1 << 20
 ODD_NUMBERS = (
@@ -97,20 +95,6 @@ MUTATIONS: tuple[Callable[[bytearray, np.random.Generator], bytearray], ...] = (
 )  # fmt: skip
 
 
-@contextmanager
-def limited_time(what: str) -> Iterator[None]:
-    def stop(*_: object) -> None:
-        raise TimeoutError(f"{what} took more than {PATIENCE} s")
-
-    previous = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, previous)
-
-
 def outcome(path: Path, options: Options, rng: np.random.Generator) -> str:
     """What comes of a file, as the heading command would use it."""
     try:
@@ -150,7 +134,7 @@ ENDLESS = {
 def test_a_line_that_is_made_to_take_for_ever_does_not(name, tmp_path):
     path = tmp_path / "made.txt"
     path.write_text(ENDLESS[name])
-    with limited_time(name), suppress(InputError):
+    with limited(name), suppress(InputError):
         read(path, gyro_unit="rad/s", accel_unit="m/s2", axes="frd")
 
 
@@ -174,7 +158,7 @@ def test_every_mutated_file_ends_in_a_result_a_refusal_or_one_clear_error(tmp_pa
         path = tmp_path / name
         path.write_bytes(mutated)
         try:
-            with limited_time(f"mutation {number} of {name}"):
+            with limited(f"mutation {number} of {name}"):
                 outcomes[outcome(path, options, rng)] += 1
         except Exception as error:
             raise AssertionError(f"mutation {number} of {name}: {type(error).__name__}: {error}") from error
