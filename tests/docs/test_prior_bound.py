@@ -1,0 +1,47 @@
+"""The table of the theory page that says what any prior of a constant disturbance costs, worked out again."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.special import erf
+
+PAGE = Path(__file__).parents[2] / "docs/theory/disturbance.md"
+FACTORS = (2.3, 3.0)
+
+
+def row(begin: str) -> list[float]:
+    line = next(line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith(f"| {begin}"))
+    return [float(cell) for cell in re.findall(r"\| (\d\.\d+)", line)]
+
+
+def half_width(wide, factor):
+    """Half the interval of 95 % of a mixture of normal laws of standard deviation 1 and `factor`, by bisection."""
+    low, high = np.zeros_like(wide), np.full_like(wide, 10 * factor)
+    for _ in range(40):
+        middle = (low + high) / 2
+        short = (1 - wide) * erf(middle / np.sqrt(2)) + wide * erf(middle / factor / np.sqrt(2)) < 0.95
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    return high
+
+
+@pytest.mark.parametrize("column", range(5))
+def test_what_a_prior_costs_and_what_it_misses(column):
+    """Two of three normal errors are seen; they weigh honest (1) against disturbed (`factor`), the third is missed."""
+    prior = (0.02, 0.1, 0.2, 0.3, 0.5)[column]
+    seen = np.sum(np.random.default_rng(1).normal(size=(4000, 2)) ** 2, axis=1)
+    wider, missed = [], []
+    for factor in FACTORS:
+
+        def wide(squares, factor=factor):
+            disturbed = prior / factor**2 * np.exp(-squares / 2 / factor**2)
+            return disturbed / (disturbed + (1 - prior) * np.exp(-squares / 2))
+
+        wider.append(half_width(wide(seen), factor).mean() / 1.96)
+        missed.append(np.mean(1 - erf(half_width(wide(seen * factor**2), factor) / factor / np.sqrt(2))))
+    assert_allclose(np.mean(wider), row("is wider for an honest unit")[column], atol=0.03)
+    assert_allclose(np.mean(missed), row("misses the disturbed one")[column], atol=0.015)
