@@ -33,7 +33,7 @@ def test_rows_are_plausible_by_their_rate_and_not_by_their_increment():
 
 def test_samples_come_in_the_axes_of_the_source_and_are_turned_to_those_of_the_body():
     ours = stream()
-    samples = np.concatenate([ours.regulariser.push(rows_block(rows(2.0, 3.0), 0)), ours.regulariser.flush()])
+    samples = np.concatenate([ours.grid.push(rows_block(rows(2.0, 3.0), 0)), ours.grid.flush()])
     assert (samples.shape, ours.width) == ((2, 6), 6)
     gyro_b, accel_b = ours.in_body_axes(samples)
     assert_allclose(gyro_b, [[0, -2, 0], [0, -3, 0]], atol=1e-12)

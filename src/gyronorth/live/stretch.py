@@ -72,12 +72,12 @@ class Stretch:
     def rate_hz(self) -> float | None:
         """Sample rate, Hz; None while it is being measured."""
         settled = self._looking is None or self.declared.rate_hz is not None
-        return self._stream.regulariser.rate_hz if settled else None
+        return self._stream.grid.rate_hz if settled else None
 
     @property
     def missing(self) -> int:
         """Samples that were missing and are bridged."""
-        return self._stream.regulariser.missing
+        return self._stream.grid.missing
 
     def findings(self) -> tuple[Finding, ...]:
         """Why no heading of this stretch can be used, whatever it looks like."""
@@ -93,7 +93,7 @@ class Stretch:
                 "Likely the times are too coarse: leave them out (--columns t=-) and declare --rate."
             )
             found.append(Finding("gaps", message, share, MOST_MISSING))
-        found += check_flags(self._stream.regulariser.flagged, self.samples, name=self._stream.source.name)
+        found += check_flags(self._stream.grid.flagged, self.samples, name=self._stream.source.name)
         return tuple(found)
 
     def usable(self, rows: LiveRows) -> Mask:
@@ -125,13 +125,13 @@ class Stretch:
         if rows is not None and len(rows):
             numbers = np.arange(self._rows + 1, self._rows + 1 + len(rows))
             self._rows += len(rows)
-            samples = self._stream.regulariser.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
+            samples = self._stream.grid.push(Block(rows.values, numbers, Bad.none(), flags=rows.flags))
         if last:
-            samples = np.concatenate([samples, self._stream.regulariser.flush()])
+            samples = np.concatenate([samples, self._stream.grid.flush()])
         self.samples += len(samples)
-        self.gaps += len(self._stream.regulariser.gaps)
-        self.longest_gap = max((gap.samples for gap in self._stream.regulariser.gaps), default=0)
-        self._stream.regulariser.gaps.clear()
+        self.gaps += len(self._stream.grid.gaps)
+        self.longest_gap = max((gap.samples for gap in self._stream.grid.gaps), default=0)
+        self._stream.grid.gaps.clear()
         self._check(samples)
         return self._stream.in_body_axes(samples)
 

@@ -139,7 +139,7 @@ def describe(
 
 def _clock(reading: Reading, kept: int) -> ClockReport | None:
     """The report of a file that was read to its end, with so many samples that are not bridged."""
-    grid, counts = reading.regulariser, reading.regulariser.counts
+    grid, counts = reading.grid, reading.grid.counts
     if reading.source.clock is None:
         return None
     return ClockReport(

@@ -34,7 +34,7 @@ class GridStream:
     def __init__(self, source: Source, options: ReadOptions, path: str | Path | None = None) -> None:
         self.source, self.options = source, options
         self.declared: Declared = resolve(source, options, path)
-        self.regulariser = GridBuilder(source, self.declared, options)
+        self.grid = GridBuilder(source, self.declared, options)
 
     @property
     def width(self) -> int:
@@ -44,7 +44,7 @@ class GridStream:
     def usable(self, values: Array) -> Mask:
         """Which rows (n, k), columns as those of the source, a sensor can have given."""
         data = values if self.source.clock is None else values[:, 1:]
-        return usable_rows(data * self.declared.scale(self.regulariser.rate_hz or 1.0))
+        return usable_rows(data * self.declared.scale(self.grid.rate_hz or 1.0))
 
     def in_body_axes(self, samples: Array) -> tuple[Array, Array | None]:
         """Rate and specific force (n, 3) of samples in the axes of the source; None without an accelerometer."""

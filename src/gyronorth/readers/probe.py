@@ -68,19 +68,19 @@ def probe(path: str | Path, options: ReadOptions | None = None, **declared: Any)
     for block in blocks:
         if gyro:  # the first block settles the rate, against which the others are checked
             settled = replace(reading.declared, rate_hz=reading.rate_hz)
-            reading.regulariser = GridBuilder(source, settled, reading.options)
-        samples = np.concatenate([reading.regulariser.push(block), reading.regulariser.flush()])
-        reading.regulariser.raise_bad()
-        if reading.regulariser.rows_dropped:  # to be counted
+            reading.grid = GridBuilder(source, settled, reading.options)
+        samples = np.concatenate([reading.grid.push(block), reading.grid.flush()])
+        reading.grid.raise_bad()
+        if reading.grid.rows_dropped:  # to be counted
             return None
         notes = notes if gyro else reading.check(samples)
         start = _seconds(block, source)[0] - _seconds(blocks[0], source)[0]
-        gaps += [Gap(gap.start + start, gap.samples) for gap in reading.regulariser.gaps]
-        jitter = max(jitter, reading.regulariser.jitter)
+        gaps += [Gap(gap.start + start, gap.samples) for gap in reading.grid.gaps]
+        jitter = max(jitter, reading.grid.jitter)
         rate, force = reading.in_body_axes(samples)
         gyro.append(rate)
         accel += [] if force is None else [force]
-    reading.regulariser.jitter = jitter
+    reading.grid.jitter = jitter
     gaps = tuple(sorted(gaps, key=lambda gap: gap.start))
     return Probe(
         info=reading.info(notes),

@@ -82,12 +82,10 @@ def read(
     """
     reading = Reading(path, options_of(options, declared), progress)
     samples = _joined(reading.samples(), reading.rows)
-    regulariser = reading.regulariser
-    regulariser.finish()
+    grid = reading.grid
+    grid.finish()
     notes = reading.check(samples)
-    return reading.recording(
-        samples, first=0, gaps=tuple(regulariser.gaps), rows_dropped=regulariser.rows_dropped, notes=notes
-    )
+    return reading.recording(samples, first=0, gaps=tuple(grid.gaps), rows_dropped=grid.rows_dropped, notes=notes)
 
 
 def read_chunks(
@@ -154,9 +152,9 @@ class Reading(GridStream):
     @property
     def rate_hz(self) -> float:
         """Sample rate, Hz, once the first rows have been read."""
-        if self.regulariser.rate_hz is None:
+        if self.grid.rate_hz is None:
             raise InputError(f"{self.source.name} holds no rows of data.")
-        return self.regulariser.rate_hz
+        return self.grid.rate_hz
 
     @property
     def rows(self) -> int:
@@ -175,20 +173,20 @@ class Reading(GridStream):
                         f"{self.source.name} ends in the middle of a line, which is left out: the recorder was killed."
                     )
                     self.length_notes = (Note("cut_off", message),)
-                yield self.regulariser.push(block)
-                if self.regulariser.done:
+                yield self.grid.push(block)
+                if self.grid.done:
                     break
-            yield self.regulariser.flush()
+            yield self.grid.flush()
         except OSError as error:
             raise InputError(f"{self.source.name} cannot be read: {error}.") from None
         self._check_length()
 
     def _check_length(self) -> None:
         """Whether all rows came that the file says it holds."""
-        expected, rows = self.source.stated.samples, self.regulariser.rows
+        expected, rows = self.source.stated.samples, self.grid.rows
         if expected is None or self.options.window or rows == expected:
             return
-        self.regulariser.raise_bad()
+        self.grid.raise_bad()
         if not self.options.drop_bad_rows:
             raise InputError(
                 f"{self.source.name} states {expected} samples but has {rows} rows: it is cut off or damaged. Pass "
@@ -237,7 +235,7 @@ class Reading(GridStream):
     def start_time(self, first: int) -> str | None:
         """UTC of a sample, counted from the first one returned."""
         stated = self.source.stated.start_time_utc
-        before = self.regulariser.leading / self.rate_hz + (self.options.window[0] if self.options.window else 0.0)
+        before = self.grid.leading / self.rate_hz + (self.options.window[0] if self.options.window else 0.0)
         shift = before + first / self.rate_hz
         return shift_utc(stated, shift) if shift else stated
 
@@ -281,14 +279,14 @@ class Reading(GridStream):
         if rows_dropped:
             message = f"{rows_dropped} bad row(s) of {self.source.name} were left out."
             notes += (Note("rows_dropped", message, value=float(rows_dropped)),)
-        notes += check_flags(self.regulariser.flagged, self.regulariser.samples, name=self.source.name)
-        counts = self.regulariser.counts
-        if self.regulariser.jitter > JITTER:
+        notes += check_flags(self.grid.flagged, self.grid.samples, name=self.source.name)
+        counts = self.grid.counts
+        if self.grid.jitter > JITTER:
             message = (
-                f"The time stamps of {self.source.name} scatter by {self.regulariser.jitter:.2f} sample intervals "
+                f"The time stamps of {self.source.name} scatter by {self.grid.jitter:.2f} sample intervals "
                 "about an even grid; the samples are taken as evenly spaced."
             )
-            notes += (Note("time_jitter", message, value=self.regulariser.jitter, limit=JITTER),)
+            notes += (Note("time_jitter", message, value=self.grid.jitter, limit=JITTER),)
         if counts.wraps:
             causes = " and as ".join(dict.fromkeys(counts.wraps))
             message = (
@@ -329,14 +327,14 @@ def _rechunked(reading: Reading, chunk_samples: int) -> Iterator[NDArray[np.floa
     held: list[NDArray[np.float64]] = []
     count = 0
     for samples in reading.samples():
-        reading.regulariser.raise_bad()
+        reading.grid.raise_bad()
         held.append(samples)
         count += len(samples)
         while count >= chunk_samples:
             joined = np.concatenate(held)
             yield joined[:chunk_samples]
             held, count = [joined[chunk_samples:]], count - chunk_samples
-    reading.regulariser.finish()
+    reading.grid.finish()
     if count:
         yield np.concatenate(held)
 
@@ -348,10 +346,10 @@ def _chunks(
     samples: NDArray[np.float64] | None = first
     while samples is not None:
         end = start + len(samples)
-        gaps = clip_gaps(reading.regulariser.gaps, start, end, rate_hz=reading.rate_hz)
+        gaps = clip_gaps(reading.grid.gaps, start, end, rate_hz=reading.rate_hz)
         yield reading.recording(
-            samples, first=start, gaps=gaps, rows_dropped=reading.regulariser.rows_dropped - dropped, notes=notes
+            samples, first=start, gaps=gaps, rows_dropped=reading.grid.rows_dropped - dropped, notes=notes
         )
-        dropped, start = reading.regulariser.rows_dropped, end
-        reading.regulariser.forget_gaps(before=end / reading.rate_hz)
+        dropped, start = reading.grid.rows_dropped, end
+        reading.grid.forget_gaps(before=end / reading.rate_hz)
         samples = next(stream, None)
