@@ -158,7 +158,7 @@ def _why(found: Inferred, *, known: bool) -> str:
     words = {"sway": "sway", "tilt": "slow tilt", "settling": "bias settling", "walk": "bias random walk"}
     least = {"tilt": TILT_TOLD}
     told = [
-        f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= least.get(name, TOLD)
+        f"{words[name]} (probability {value:.2f})" for name, value in found.probability.items() if value >= least.get(name, TOLD)
     ]
     if found.tones >= TOLD and found.probability["sway"] < TOLD:
         told.append("sway at a steady frequency")
