@@ -91,9 +91,16 @@ def state_of(address: str) -> str:
 
 
 def checksum_of(path: Path) -> str:
-    """SHA-256 of a file, or of the names and contents of the files of a folder (a bag of ROS 2)."""
+    """SHA-256 of a file, or of the names and contents of the files of a folder (a bag of ROS 2).
+
+    Of a file in a zip archive, which need not be unpacked for it, sizes and CRC that stand in the archive.
+    """
     import hashlib
 
+    if not path.exists():
+        from gyronorth.readers.archive import state_of_member
+
+        return state_of_member(path)
     if path.is_dir():
         digest = hashlib.sha256()
         for file in sorted(file for file in path.rglob("*") if file.is_file()):
