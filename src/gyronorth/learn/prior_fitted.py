@@ -37,8 +37,9 @@ _FEATURES = 5
 
 @dataclass(frozen=True)
 class PriorFittedSettings:
-    """Everything that decides the training; the swings are those of `PRIORS["learned"]`."""
+    """Everything that decides the training."""
 
+    prior: DeviationPrior = PRIORS["learned"]  # of the swings it sees
     seed: int = 0
     width: int = 32
     heads: int = 4
@@ -47,7 +48,7 @@ class PriorFittedSettings:
     swings: int = 32  # drawn anew for each step
     asked: int = 24  # headings asked for in each
     most: int = 60  # known headings of a swing: FEWEST to this
-    steps: int = 6000
+    steps: int = 2400
     rate: float = 2e-3  # Adam, falling as a cosine to zero
 
 
@@ -222,7 +223,7 @@ def predict(
 def _loss(network: PriorFitted, settings: PriorFittedSettings, step: int) -> Tensor:
     rng = np.random.default_rng([settings.seed, step])
     known = int(rng.integers(FEWEST, settings.most + 1))
-    drawn = draw_swings(PRIORS["learned"], swings=settings.swings, known=known, asked=settings.asked, rng=rng)
+    drawn = draw_swings(settings.prior, swings=settings.swings, known=known, asked=settings.asked, rng=rng)
     heading, surplus, error = (torch.from_numpy(one) for one in (drawn.heading, drawn.surplus, drawn.error))
     mean, sigma = network(heading, surplus, error[:, :known])
     scale = torch.sqrt((error[:, :known] ** 2).mean(dim=1, keepdim=True))

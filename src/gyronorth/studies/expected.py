@@ -50,7 +50,7 @@ def expected_seconds(job: Job) -> float:
     if kind == "judge_flow_unit":
         return START + FLOW_JUDGED * job.arguments["runs"]
     if kind == "prior_fitted_stage":
-        return START + PRIOR_STEP * settings.get("steps", 6000) / STAGES
+        return START + PRIOR_STEP * settings.get("steps", 2400) / STAGES
     if kind == "judge_prior_fitted":
         return START + PRIOR_JUDGED * len(job.arguments["splits"])
     if kind == "judge_simulated":

@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 NETWORK = "prior-fitted network"
 METHODS = (MODEL_BASED, GP, LEARNED, NETWORK)
 #: Steps of the training.
-STEPS = 6000
+STEPS = 2400
 #: Pieces of the training, each a unit of work: what a run that was ended has finished is kept.
 STAGES = 4
 #: Known headings of the simulated swings it is judged on, how many swings of each size, headings asked for in each.
-SIZES, SWINGS, ASKED = (FEWEST, 12, 24, 59), 60, 20
+SIZES, SWINGS, ASKED = (FEWEST, 12, 24, 59), 40, 20
 #: Size of the errors of the simulated swings, rad: that of the recordings. The methods take any.
 _SCALE = np.radians(4.0)
 
@@ -208,7 +208,7 @@ def _floor(plan: StudyPlan, table: Table) -> str:
 
 
 TEXT = (
-    "A network with attention, of some 31 000 weights, is shown 192 000 simulated swings: headings of 6 to 60 known "
+    "A network with attention, of some 31 000 weights, is shown 76 800 simulated swings: headings of 6 to 60 known "
     "recordings, their errors, and the surplus of their rates, drawn from the prior of `learned + deviation`: curve, "
     "coupling to the rate or neither, Student-t noise. It is trained to say mean and standard deviation of the error "
     "at other headings, and has never seen a real recording. A swing that is turned, mirrored or in another order "
