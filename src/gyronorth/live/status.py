@@ -30,7 +30,7 @@ NORMAL_95 = 1.96
 
 @dataclass(frozen=True)
 class Counters:
-    """What came, and what went wrong, since the program started."""
+    """Counts of the input and of its faults since the program started."""
 
     lines: int = 0  # or frames, that should have been rows
     good: int = 0  # rows that were used

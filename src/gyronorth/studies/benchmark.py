@@ -13,6 +13,7 @@ from gyronorth.studies.paper_augmentation import AUGMENTATION
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
 from gyronorth.studies.paper_flow import FLOW
+from gyronorth.studies.paper_prior_fitted import PRIOR_FITTED
 from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED, PROTOCOL_LEAK
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
@@ -42,6 +43,7 @@ STUDIES: tuple[Study, ...] = (
     SPREAD,
     COST,
     *VARIANTS,
+    PRIOR_FITTED,
     FLOW,
     TURNED,
     DISTURBED,

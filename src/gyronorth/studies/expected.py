@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from gyronorth.studies.paper_prior_fitted import STAGES
 from gyronorth.studies.work import Job, finished_units, with_needs
 
 #: CPU seconds of one thread, by layout, as the study `cost` measures them: an epoch of the denoiser, denoising the
@@ -21,6 +22,8 @@ OTHERS = 2.0
 #: Denoising for a split whose copies are mostly known from the splits before; a step of the flow; a recording judged.
 ALL_CLEANED = 0.5
 FLOW_STEP, FLOW_JUDGED = 0.1, 0.1
+#: A step of the prior-fitted network; a swing judged with both Gaussian processes.
+PRIOR_STEP, PRIOR_JUDGED = 0.055, 0.35
 #: Seconds between two lines of what remains.
 EVERY = 60.0
 #: Early stopping leaves out this share of the epochs.
@@ -46,6 +49,12 @@ def expected_seconds(job: Job) -> float:
         return START + FLOW_STEP * settings.get("steps", 1500)
     if kind == "judge_flow_unit":
         return START + FLOW_JUDGED * job.arguments["runs"]
+    if kind == "prior_fitted_stage":
+        return START + PRIOR_STEP * settings.get("steps", 2400) / STAGES
+    if kind == "judge_prior_fitted":
+        return START + PRIOR_JUDGED * len(job.arguments["splits"])
+    if kind == "judge_simulated":
+        return START + PRIOR_JUDGED * job.arguments["swings"]
     return OTHERS
 
 
