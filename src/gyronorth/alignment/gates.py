@@ -44,7 +44,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Gate:
-    """A gate over a batch: it fails where value > limit."""
+    """A gate over a batch: it fails where value > limit; arrays over its recordings, or one number for all."""
 
     code: str
     message: str  # with {value} and {limit}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -95,13 +96,13 @@ def batch(problem: Problem, groups: Sequence[tuple[Mask, Problem, Result]]) -> H
     found = HeadingBatch(*angles, valid=np.zeros(count, dtype=bool), method=np.full(count, "", "<U32"))
     for where, some, result in groups:
         low, high = _interval(result)
-        failed = np.any([gate.failed for gate in judge(some, result)], axis=0)
+        failed = reduce(np.logical_or, (gate.failed for gate in judge(some, result)))
         found.heading[where], found.sigma[where] = result.attitude.heading, result.posterior.sigma
         found.low[where], found.high[where] = low, high
         sound = np.isfinite(result.attitude.heading + result.posterior.sigma + low + high) & (
             result.posterior.sigma > 0
         )
-        found.valid[where] = ~(np.asarray(failed) | bool(result.refusals)) & sound
+        found.valid[where] = ~(failed | bool(result.refusals)) & sound
         found.method[where] = result.method
     return found
 
