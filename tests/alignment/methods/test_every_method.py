@@ -192,7 +192,7 @@ def test_a_knock_is_motion_to_a_method_that_leaves_out_bumps(method):
     "sensor", ["isa100c", *(pytest.param(name, marks=pytest.mark.long) for name in ("hg9900", "sdc500"))]
 )
 def test_a_knocked_unit_is_refused_or_covered(name, sensor, runs, most):
-    """A knock of 1.5 deg about any axis, at any time: of 95 % intervals more miss in 0.7 % of the series, and in 0.07 %."""
+    """A knock of 1.5 deg about any axis, at any time: more of 95 % intervals miss in 0.7 % of series, and in 0.07 %."""
     if name in ("paper", "baseline") and sensor != SENSOR:
         pytest.skip("the bundle is trained for one sensor")
     if name == "bayes" and runs < 40:
