@@ -55,7 +55,7 @@ _SHOWN = {
 
 
 def checks_of(gates: Sequence[Gate], *, samples: int, duration: float) -> tuple[Check, ...]:
-    """Every gate that judged one recording, in the order of the gates, the length first.
+    """Every gate that checked one recording, in the order of the gates, the length first.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def checks_of(gates: Sequence[Gate], *, samples: int, duration: float) -> tuple[
     found = [
         Check(
             "too_short",
-            "length, at least",
+            "length",
             duration,
             shortest,
             "s",

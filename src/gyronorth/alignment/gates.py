@@ -286,7 +286,7 @@ GATES: Mapping[str, Callable[[Problem, Result], list[Gate]]] = {"rate": _rate, "
 
 
 def judge_result(problem: Problem, result: Result, names: Sequence[str]) -> list[Gate]:
-    """The gates of a method on its result; none where there is no heading, or no claim to judge."""
+    """The gates of a method on its result; none where there is no heading, or no claim to check."""
     if not result.known or not result.variance:
         return []
     return [gate for name in names for gate in GATES[name](problem, result)]
@@ -295,7 +295,7 @@ def judge_result(problem: Problem, result: Result, names: Sequence[str]) -> list
 def judge(
     problem: Problem, result: Result, names: Sequence[str], *, peaks: tuple[Array, Array | None] | None = None
 ) -> list[Gate]:
-    """Every gate that judges a result: those of its method, and the ranges of the sensor.
+    """Every gate that checks a result: those of its method, and the ranges of the sensor.
 
     Parameters
     ----------
