@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from gyronorth.studies.paper_best import MEMBERS
 from gyronorth.studies.paper_prior_fitted import STAGES
 from gyronorth.studies.work import Job, finished_units, with_needs
 
@@ -45,6 +46,8 @@ def expected_seconds(job: Job) -> float:
     if kind == "protocol_unit":
         count = len(job.arguments["splits"])
         return START + count * (ALL_CLEANED * (cleaned > 0) + TOGETHER * epochs * min(1.0, 40 / part.get("batch", 32)))
+    if kind == "best_unit":
+        return START + MEMBERS * TOGETHER * epochs
     if kind == "train_flow_unit":
         return START + FLOW_STEP * settings.get("steps", 1500)
     if kind == "judge_flow_unit":
