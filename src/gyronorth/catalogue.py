@@ -1,4 +1,4 @@
-"""The names of the house, as plain data: methods, findings, formats, kinds of disturbance.
+"""The names that the package knows, as plain data: methods, findings, formats, kinds of disturbance.
 
 It imports nothing heavy, so that `--help`, the enumerations of the command line, the documentation and the live page
 can read it at no cost. A row says what is true of an entry; what it does stands in the module that the row names.

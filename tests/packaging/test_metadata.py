@@ -146,3 +146,17 @@ def test_every_extra_for_users_is_in_the_table_of_the_guide():
 def test_what_the_paper_cites_is_in_its_bibliography():
     cited = set(re.findall(r"@(\w+)", (ROOT / "paper.md").read_text()))
     assert cited == set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))
+
+
+def test_the_changelog_keeps_its_form():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    versions = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+ - (Unreleased|\d{4}-\d\d-\d\d)", name) for name in versions), versions
+    assert versions[0].startswith(f"{PROJECT['version']} - ")
+    assert not any(name.endswith("Unreleased") for name in versions[1:])
+    for version in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        groups = re.findall(r"^### (.+)$", version, re.MULTILINE)
+        assert len(set(groups)) == len(groups)
+        assert set(groups) <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    entries = re.findall(r"^- (.{40})", text, re.MULTILINE)
+    assert len(set(entries)) == len(entries), "an entry stands twice"

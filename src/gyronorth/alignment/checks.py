@@ -12,7 +12,7 @@ _WIDTH = ("too_short", "near_pole", "too_noisy")
 
 
 def checks_of(gates: Sequence[Gate], *, samples: int, duration: float) -> tuple[Check, ...]:
-    """Every gate that judged one recording, in the order of the gates, the length first.
+    """Every gate that checked one recording, in the order of the gates, the length first.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def checks_of(gates: Sequence[Gate], *, samples: int, duration: float) -> tuple[
     found = [
         Check(
             "too_short",
-            "length, at least",
+            "length",
             duration,
             shortest,
             "s",

@@ -198,7 +198,7 @@ def _metrics(
 
 
 def untrained(metrics: Mapping[str, float | None]) -> str:
-    """What is told of a network that has not even learned its own training recordings; empty for others."""
+    """The warning about a network that has not even learned its own training recordings; empty for others."""
     network, closed_form = (metrics.get(f"train_{name}_crmse_deg") for name in ("network", "model_based"))
     if network is None or closed_form is None or network <= max(UNTRAINED * closed_form, UNTRAINED_DEG):
         return ""

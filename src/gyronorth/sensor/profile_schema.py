@@ -1,4 +1,4 @@
-"""The JSON schema of sensor profiles: what a file may hold, and in which words what is wrong with one is told.
+"""The JSON schema of sensor profiles: what a file may hold, and the messages about what is wrong with one.
 
 Only files of users are checked against it: those of the package are by the tests, and a heading need not load pydantic.
 """

@@ -38,7 +38,7 @@ def simulate(
     motion: Motion | None = None,
     accel: bool = True,
 ) -> Recording:
-    """A recording of one power-up, with truth.
+    """A recording of one power-up, with its true heading.
 
     Parameters
     ----------

@@ -189,7 +189,7 @@ def by_bayes(part: Part) -> MethodHeadings:
 
 
 def by_inertial(part: Part) -> MethodHeadings:
-    """Gravity traced in an inertial frame, with an accelerometer that no other method here has."""
+    """Gravity followed in an inertial frame, with an accelerometer that no other method here has."""
     return MethodHeadings(
         align_inertial(part.gyro, part.accel(), rate_hz=part.made.rate_hz, latitude=part.made.latitude).heading
     )
