@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.formats.csv import COMMENT, stated_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
@@ -78,9 +78,9 @@ class LineReader:
         return batches
 
     @property
-    def tally(self) -> Tally:
+    def tally(self) -> StreamTally:
         """Counts of the input."""
-        return Tally(self.lines, self.garbage, self.last_garbage)
+        return StreamTally(self.lines, self.garbage, self.last_garbage)
 
     def facts(self) -> Facts:
         """What the comments state.
