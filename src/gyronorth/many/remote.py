@@ -12,6 +12,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from gyronorth.errors import InputError
+from gyronorth.files import temporary_files_told
 
 #: How often a file is fetched before its row says that it could not be, and the pause before the second time, s.
 ATTEMPTS, PAUSE = 3, 0.5
@@ -72,7 +73,9 @@ def at_hand(address: str) -> Generator[Path]:
     else:
         import tempfile
 
-        with tempfile.TemporaryDirectory(prefix="gyronorth-") as folder:
+        with temporary_files_told():
+            held = tempfile.TemporaryDirectory(prefix="gyronorth-")
+        with held as folder:
             path = Path(folder, PurePosixPath(unquote(urlsplit(address).path)).name or "recording")
             _fetch(address, path)
             yield path
