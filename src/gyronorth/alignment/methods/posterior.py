@@ -164,7 +164,9 @@ def _why(found: Inferred, *, known: bool) -> str:
     }
     least = {"tilt": TILT_TOLD}
     told = [
-        f"{words[name]} (probability {value:.2f})" for name, value in found.probability.items() if value >= least.get(name, TOLD)
+        f"{words[name]} (probability {value:.2f})"
+        for name, value in found.probability.items()
+        if value >= least.get(name, TOLD)
     ]
     if found.tones >= TOLD and found.probability["sway"] < TOLD:
         told.append("sway at a steady frequency")
