@@ -75,7 +75,7 @@ def test_the_answer_depends_on_errors_headings_and_surplus(network):
 
 
 def test_a_surplus_beyond_the_known_is_taken_at_the_end_of_their_range(network):
-    heading, surplus, error, at, at_surplus = swing()
+    heading, surplus, error, at, _ = swing()
     far, end = (predict(network, heading, surplus, error, at, np.full(5, s)) for s in (9.0, surplus.max()))
     assert_array_equal(far, end)
 
@@ -105,7 +105,7 @@ def test_a_training_in_stages_ends_in_the_same_weights():
 
 
 def test_for_a_gaussian_prior_of_one_setting_it_learns_the_answer_of_the_gaussian_process():
-    """The ideal answer is then known: the errors it leaves are within 8 % of the ideal's, sigma is of the right size."""
+    """The ideal answer is then known: the errors left are within 8 % of the ideal's, sigma is of their size."""
     settings = PriorFittedSettings(
         prior=SMOOTH, width=16, heads=2, layers=1, harmonics=3, swings=24, asked=16, most=16, steps=160, rate=2e-2
     )

@@ -95,11 +95,21 @@ def _found(source: str) -> list[str]:
     if is_url(source):
         return urls_of(source)
     if os.path.isdir(source) and not is_bag_folder(Path(source)):
-        return [str(path) for path in recordings_in(source)]
+        found = [str(path) for path in recordings_in(source) if not _is_ours(path)]
+        if not found:
+            raise InputError(f"{source} holds no recordings, only tables that were made of such. Check the path.")
+        return found
     if os.path.exists(source) or not glob.has_magic(source):
         return [str(path) for path in recordings_inside(Path(source))] if os.path.isfile(source) else [source]
     matching = sorted(map(Path, glob.glob(source, recursive=True)), key=natural_order)
-    files = [path for path in matching if not path.is_dir() or is_bag_folder(path)]
+    files = [path for path in matching if (not path.is_dir() or is_bag_folder(path)) and not _is_ours(path)]
     if not files:
         raise InputError(f"No file matches {source}. Check the pattern; ** stands for folders of any depth.")
     return [str(each) for path in files for each in recordings_inside(path)]
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a file among recordings is a table that was made of such."""
+    from gyronorth.many.table import is_table
+
+    return path.suffix.lower() in (".csv", ".parquet", ".pq") and path.is_file() and is_table(path)

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from gyronorth.angles import DEG_PER_HOUR, wrap
+from gyronorth.catalogue import METHODS
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.files import written_beside
 from gyronorth.report.wording import duration_text, heading_text, number_text, part_name, printable
@@ -134,7 +135,7 @@ def allan_figure(deviation: AllanDeviation) -> Figure:
 
 
 #: Methods whose own course the figure shows; of another the plain averaging, and its result at the end.
-DRAWN_ITSELF = ("mean", "inertial", "turned")
+DRAWN_ITSELF = tuple(info.name for info in METHODS if info.along_time == info.name)
 
 
 def draw_convergence(

@@ -16,3 +16,7 @@ __all__ = [
     "sensor_names",
     "write_sensor",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

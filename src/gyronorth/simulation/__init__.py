@@ -200,3 +200,7 @@ def _quantise(signal: Array, step: float, *, rng: np.random.Generator) -> None:
     signal[:, 1:] = np.diff(total, axis=1)
     signal[:, 0] = total[:, 0]
     signal *= step
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

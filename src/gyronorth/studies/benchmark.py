@@ -10,6 +10,7 @@ from gyronorth.errors import InputError, did_you_mean
 from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_augmentation import AUGMENTATION
+from gyronorth.studies.paper_best import BEST
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
 from gyronorth.studies.paper_flow import FLOW
@@ -43,6 +44,7 @@ STUDIES: tuple[Study, ...] = (
     SPREAD,
     COST,
     *VARIANTS,
+    BEST,
     PRIOR_FITTED,
     FLOW,
     TURNED,

@@ -12,6 +12,7 @@ from gyronorth.alignment.posterior.explain import FAR, Proposer, Weighed, explan
 from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, unit_bias
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -202,7 +203,7 @@ def _conclude(
         h, k = np.nonzero(piece.log_weight > ceiling - FAR)
         b, s, rate, info = piece.base[h], piece.shape[h], piece.rate[:, h], piece.info[h]
         weight.append(np.exp(piece.log_weight[h, k] - ceiling))
-        centre.append(np.arctan2(-rate[1], rate[0]))
+        centre.append(heading_of_rate(rate.T))
         kappa.append(piece.concentration[h, k])
         kinds = np.array(known.shapes.kind)[s]
         row = [np.log(np.hypot(scales.biases[k], known.shapes.lasting[s]) / unit_bias(sensor))]
