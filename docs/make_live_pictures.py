@@ -42,7 +42,7 @@ def recording(folder: Path) -> None:
 
 
 def photograph(browser: Browser, url: str, name: str, *, size: tuple[int, int], scheme: str) -> None:
-    """One picture of the whole page."""
+    """One picture: on a desk of the whole page, on a phone of the first screen."""
     path = IMAGES / f"live_{name}.png"
     context = browser.new_context(
         viewport={"width": size[0], "height": size[1]},
@@ -53,7 +53,7 @@ def photograph(browser: Browser, url: str, name: str, *, size: tuple[int, int], 
     page.goto(url)
     page.wait_for_selector("[data-heading]")
     page.wait_for_timeout(500)
-    page.screenshot(path=path, full_page=True)
+    page.screenshot(path=path, full_page=size == DESK)
     context.close()
     Image.open(path).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
     print(path, f"{path.stat().st_size / 1000:.0f} kB")
