@@ -81,7 +81,7 @@ class GridBuilder:
         return self._position + 1 >= self._window[1]
 
     def keep_gaps(self) -> None:
-        """Bridge gaps of up to a day, and any number of them: the caller decides by `gaps` whether they are too many."""
+        """Bridge gaps of up to a day, and any number of them: the caller checks `gaps`."""
         self._longest, self._most = LONGEST_KEPT, 1.0
 
     def push(self, block: Block) -> Array:
