@@ -28,9 +28,7 @@ def private_folder() -> Generator[Path]:
         sweep()
         folder = tempfile.TemporaryDirectory(prefix=PREFIX)
     with folder as name:
-        with temporary_files_told():
-            held = Path(name, HELD).open("w")
-        with held:
+        with Path(name, HELD).open("w") as held:
             _lock(held)
             yield Path(name)
 
