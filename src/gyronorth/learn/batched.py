@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -110,6 +110,14 @@ def train_batched(settings: Sequence[Settings], parts: Sequence[Parts]) -> Batch
             out.test.append(found["test"].tolist())
             _choose(out, epoch, {**found, "last": torch.full_like(total, -epoch)}, raw["test"], part.patience)
     return out
+
+
+def residuals(parts: Parts) -> Parts:
+    """The same data with what the closed form leaves in place of the heading: truth less heading of the mean, deg."""
+    mean = [inputs.double().mean(dim=1) for inputs in parts.inputs]
+    closed_form = [torch.rad2deg(torch.atan2(-one[:, 1], one[:, 0])) for one in mean]
+    left = [torch.remainder(h - c, 360.0).float() for h, c in zip(parts.headings, closed_form, strict=True)]
+    return replace(parts, headings=left)
 
 
 def forward(weights: Sequence[Tensor], x: Tensor, p: float = 0.0, generators: Sequence[torch.Generator] = ()) -> Tensor:

@@ -157,7 +157,7 @@ def take_apart(title: str, unit: str = "") -> Title:
 
 
 def _is_worded(words: Sequence[str]) -> bool:
-    """Whether the axis of a title is told by a word for a direction of the body."""
+    """Whether a title names its axis by a word for a direction of the body."""
     return "".join(words) in _BODY_RATES or not any(
         word in _AXES or word.isdigit() or _GLUED.fullmatch(word) or _GLUED_BEFORE.fullmatch(word) for word in words
     )
