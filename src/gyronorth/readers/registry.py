@@ -102,8 +102,6 @@ def writer_of(suffix: str) -> Callable[[RecordingStream, Path], None] | None:
 PICKLES, PICKLE_PROTOCOLS = (".pkl", ".pickle", ".joblib"), (b"\x02", b"\x03", b"\x04", b"\x05")
 #: Suffixes under which texts are kept that may be no tables.
 TEXTS = ("", ".txt", ".log", ".csv", ".json", ".jsonl", ".ndjson", ".dat", ".tsv")
-#: Suffixes of databases whose tables are read.
-DATABASES = (".db3",)
 #: Packed files within packed files.
 DEEPEST = 3
 
@@ -168,7 +166,8 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
 
 def _refuse_unread(path: Path, head: bytes, options: ReadOptions) -> None:
     """Refuse pickles, and formats of which it is known that they are not read."""
-    if options.format is None and path.suffix.lower() not in DATABASES and (says := foreign(head, path.name)):
+    undeclared = options.format is None and FORMATS.suffixes.get(path.suffix.lower(), "csv") == "csv"
+    if undeclared and (says := foreign(head, path.name)):
         raise InputError(says)
     if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
         raise InputError(pickled(path.name))
