@@ -43,7 +43,7 @@ def of_readme(name: str) -> str:
 def changes() -> str:
     """The changelog, each group of a version folded under its number of entries."""
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    return re.sub(r"^### ([^\n]+)\n(.*?)(?=^##|\Z)", folded, text, flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"^### ([^\n]+)\n(.*?)(?=^#{2,3} |\Z)", folded, text, flags=re.MULTILINE | re.DOTALL)
 
 
 def folded(group: re.Match[str]) -> str:

@@ -1,4 +1,4 @@
-"""What a command writes: checked before any work, told of afterwards."""
+"""What a command writes: checked before any work, reported afterwards."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class FrameReader:
 
     @property
     def tally(self) -> Tally:
-        """What came."""
+        """Counts of the input."""
         report, past = self._stream.report, self._past
         return Tally(
             lines=past.lines + report.samples + report.unusable,

@@ -79,7 +79,7 @@ class LineReader:
 
     @property
     def tally(self) -> Tally:
-        """What came."""
+        """Counts of the input."""
         return Tally(self.lines, self.garbage, self.last_garbage)
 
     def facts(self) -> Facts:

@@ -1,4 +1,4 @@
-"""What a stream sends, told by itself: lines of numbers, or the frames of a unit whose checksums hold."""
+"""What a stream sends, recognised by its content: lines of numbers, or the frames of a unit whose checksums hold."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class StreamReader:
 
     @property
     def tally(self) -> Tally:
-        """What came."""
+        """Counts of the input."""
         return self._reader.tally
 
     @property

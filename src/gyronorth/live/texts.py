@@ -70,7 +70,7 @@ class TextReader:
 
     @property
     def tally(self) -> Tally:
-        """What came."""
+        """Counts of the input."""
         return Tally(self._lines, self._garbage, self._last_garbage)
 
     def facts(self) -> Facts:

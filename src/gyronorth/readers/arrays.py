@@ -48,8 +48,8 @@ GYRO_ARRAYS = frozenset(
      "rotationrate")
 )  # fmt: skip
 ACCEL_ARRAYS = frozenset(
-    ("accel", "acc", "accels", "accelerometer", "accelerometers", "acceleration", "accelerations", "fb", "fibb", "f",
-     "a", "ab", "specificforce", "specforce", "linacc", "linearacceleration", "imuaccel", "imuacc", "acceldata",
+    ("accel", "acc", "accels", "accelerometer", "accelerometers", "acceleration", "accelerations", "acce", "fb", "fibb",
+     "f", "a", "ab", "specificforce", "specforce", "linacc", "linearacceleration", "imuaccel", "imuacc", "acceldata",
      "accdata", "accelb", "accb")
 )  # fmt: skip
 TIME_ARRAYS = frozenset(
@@ -72,6 +72,7 @@ class Column:
     rows: int
     part: int | str | None = None  # column of a matrix, field of a record, None: the array itself
     transposed: bool = False  # rows and columns stand the other way round
+    unit: str = ""  # that the file states of it, as it stands there
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,8 @@ def _with_clock(
     layout = first_rows((title,), [look(chosen.columns[TIME])])
     known = options.rate_hz or chosen.stated.rate_hz
     unit = options.time_unit or ("s" if chosen.usual != Facts() else None)
-    parts = [Title("time", ()) if title.isdigit() else take_apart(last_part(title, mark))]
+    unit_stated = chosen.columns[TIME].unit
+    parts = [Title("time", ()) if title.isdigit() else take_apart(last_part(title, mark), unit_stated)]
     clock = find_clock(layout, parts, 0, unit, known)
     questions = (*chosen.questions, *([clock.question] if clock.question else []))
     return replace(chosen, clock=clock.clock, questions=questions)
@@ -238,7 +240,8 @@ def _by_columns(
     values = [look(titles[title]) if titles[title].rows == rows else np.full(1, np.nan) for title in listed]
     layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
-        return by_titles(layout, [take_apart(last_part(title, mark)) for title in listed], options, None)
+        parts = [take_apart(last_part(title, mark), titles[title].unit) for title in listed]
+        return by_titles(layout, parts, options, None)
     found = by_numbers(layout)
     if found is None:
         return _numbered(where, len(titles))
@@ -338,8 +341,12 @@ def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name:
         return Chosen(
             ordered, named, Facts(rate_hz=rate_hz), _NAVEGO, "read as NaveGo: rad/s, m/s2, forward-right-down"
         )
-    gyro_unit = _unit_behind(gyro, mark, GYRO_ARRAYS, GYRO_SPELLINGS)
-    accel_unit = _unit_behind(accels[0], mark, ACCEL_ARRAYS, ACCEL_SPELLINGS) if accels else None
+    gyro_unit = spelled(columns[RATES[0]].unit, GYRO_SPELLINGS) or _unit_behind(gyro, mark, GYRO_ARRAYS, GYRO_SPELLINGS)
+    accel_unit = None
+    if accels:
+        accel_unit = spelled(columns[FORCES[0]].unit, ACCEL_SPELLINGS) or _unit_behind(
+            accels[0], mark, ACCEL_ARRAYS, ACCEL_SPELLINGS
+        )
     return Chosen(ordered, named, Facts(rate_hz=rate_hz, gyro_unit=gyro_unit, accel_unit=accel_unit))
 
 

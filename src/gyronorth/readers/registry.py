@@ -15,7 +15,7 @@ from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.archive import MAGIC as ZIP
-from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, split_path, unzipped
+from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, members_of, split_path, unzipped
 from gyronorth.readers.bag_folder import METADATA, is_bag_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
 from gyronorth.readers.format import LOOK, Format
@@ -236,6 +236,23 @@ def _is_archive(path: Path, options: ReadOptions) -> bool:
     return not (is_npz(path) or is_workbook(path))
 
 
+def recordings_inside(path: Path, *, others: bool = True) -> list[Path]:
+    """A file itself, or each recording of a zip archive of several, as ARCHIVE.zip/FILE.
+
+    An archive that cannot be read is one: reading it says so. Without `others` only files with the suffix of a
+    recording count, and an archive of none is left out.
+    """
+    try:
+        if not path.is_file() or not _head(path).startswith(ZIP) or not _is_archive(path, ReadOptions()):
+            return [path]
+        members = members_of(path, FORMATS.suffixes, others=others)
+    except (InputError, OSError):
+        return [path]
+    if len(members) > 1:
+        return [path / member for member in members]
+    return [path] if members or others else []
+
+
 def _unzipped(path: Path, member: str | None, options: ReadOptions, depth: int) -> Source:
     spooled, accel = unzipped(path, member)
     if accel is not None:
@@ -247,9 +264,9 @@ def _unzipped(path: Path, member: str | None, options: ReadOptions, depth: int) 
 def recordings_in(folder: str | Path) -> list[Path]:
     """The recordings in a folder and the folders below it, by name.
 
-    Everything with a known suffix counts, packed or not, each .txt that is an export of MT Manager, and each
-    folder that is a bag of ROS 2, as one; hidden files and folders do not. A link whose file is gone and a folder that
-    may not be looked into are among them: reading them says so.
+    Everything with a known suffix counts, packed or not, each such file of a zip archive, each .txt that is an export
+    of MT Manager, and each folder that is a bag of ROS 2, as one; hidden files and folders do not. A link whose file is
+    gone and a folder that may not be looked into are among them: reading them says so.
 
     Raises
     ------
@@ -271,6 +288,8 @@ def recordings_in(folder: str | Path) -> list[Path]:
             known = inner_suffix(path) in FORMATS.suffixes and (path.is_file() or not path.exists())
             if known or (path.suffix.lower() == ".txt" and path.is_file() and _head(path).startswith(b"//")):
                 found.append(path)
+            elif path.suffix.lower() == ".zip":
+                found += recordings_inside(path, others=False)
     if not found:
         state = "holds no recordings" if any(folder.iterdir()) else "is empty and holds no recordings"
         raise InputError(

@@ -11,11 +11,12 @@ from math import inf
 #: Unit -> its spellings, in lower case, without blanks, dots and brackets, "°" as deg, "^" left out.
 GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "rad/sec", "rads", "radps", "rad_s", "rads-1", "rads^-1", "radian/s", "radians/s", "radpersec",
-              "radian/sec", "radians/sec", "rad/second", "radians/second", "rad_per_s", "radians_per_second"),
+              "radian/sec", "radians/sec", "rad/second", "radians/second", "rad_per_s", "radians_per_second", "рад/с"),
     "deg/s": ("deg/s", "deg/sec", "degs", "degps", "dps", "deg_s", "degs-1", "degree/s", "degrees/s", "degree/sec",
-              "degrees/sec", "deg/second", "degrees/second", "deg_per_s", "degrees_per_second", "degpersec", "dps_"),
+              "degrees/sec", "deg/second", "degrees/second", "deg_per_s", "degrees_per_second", "degpersec", "dps_",
+              "deg/с", "град/с"),
     "deg/h": ("deg/h", "deg/hr", "deg/hour", "degh", "degph", "dph", "deg_h", "degh-1", "degree/h", "degrees/h",
-              "degrees/hour", "deg_hr"),
+              "degrees/hour", "deg_hr", "deg/ч", "deg/час", "град/ч", "град/час"),
     "mdeg/s": ("mdeg/s", "mdps", "millideg/s", "mdeg/sec", "mdegs", "mdeg_s"),
     "mrad/s": ("mrad/s", "mrad/sec", "mrads", "mradps", "mrad_s"),
     "arcsec/s": ("arcsec/s", "as/s", "asec/s", "arcsec/sec", "arcsecond/s", "arcseconds/s", '"/s', "''/s", "arcsec_s"),
@@ -25,7 +26,7 @@ GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 ACCEL_SPELLINGS: dict[str, tuple[str, ...]] = {
     "m/s2": ("m/s2", "m/s^2", "m/s/s", "m/s**2", "ms2", "mps2", "ms-2", "m_s2", "m_s_2", "mss", "m/ss", "m/sec2",
-             "m/sec^2", "mpss", "m/s²", "meters/second^2", "m/second2", "mps_2", "m_s^2", "meterpersec2", "ms^-2"),
+             "m/sec^2", "mpss", "m/s²", "meters/second^2", "m/second2", "mps_2", "m_s^2", "meterpersec2", "ms^-2", "м/с2"),
     "g": ("g", "gn", "g0", "gs", "gee", "standard_gravity"),
     "mg": ("mg", "millig", "milli-g", "mgee"),
     "ug": ("ug", "microg", "micro-g"),

@@ -150,13 +150,20 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
                 whole = data.rfind(b"\n") + 1
                 cut_off, data = len(data) > whole, data[:whole]
             if end:
-                data = data.rstrip()  # blank lines at the end are no rows
+                data = _without_end(data)
             if data or cut_off:
                 block = parse_block(data, row + 1, layout)
                 yield replace(block, share=min(1.0, file.tell() / size), cut_off=cut_off)
                 row += data.count(b"\n")
             if end:
                 return
+
+
+def _without_end(data: bytes) -> bytes:
+    """Without the blank lines at the end; blanks behind the last row stay, which may be empty fields."""
+    kept = data.rstrip()
+    end = data.find(b"\n", len(kept))
+    return data if end < 0 else data[:end]
 
 
 def _behind_last_line(data: bytes, layout: Layout) -> int:
@@ -196,7 +203,7 @@ def _place(path: Path, offset: int, row: int, layout: Layout, per_row: float, sh
         data = file.read(min(PLACE_BYTES, max(0, size - start)))
     begin = data.find(layout.newline) + 1 if start > offset else 0
     end = len(data) if start + len(data) >= size else data.rfind(layout.newline) + 1
-    data = layout.plain(data[begin:end]).rstrip()
+    data = _without_end(layout.plain(data[begin:end]))
     first = row + 1 + round((start + begin - offset) / per_row)
     return parse_block(data, first, layout) if data else Block(np.zeros((0, layout.columns)), np.arange(0), Bad.none())
 

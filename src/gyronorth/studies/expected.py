@@ -1,4 +1,4 @@
-"""What a benchmark of the paper will cost, told before it starts."""
+"""What a benchmark of the paper will cost, printed before it starts."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from gyronorth.alignment.turned.segments import Blocks
 from gyronorth.arrays import Array
-from gyronorth.attitude import cross_matrix, mean_rotation, rotation, rotation_vector
+from gyronorth.attitude import cross_matrix, heading_of, mean_rotation, rotation, rotation_vector
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -259,7 +259,7 @@ def linearise(
 
     for turn in turn_angles:
         a, b = (int(np.flatnonzero(blocks.stretch == s)[0]) for s in (turn.before, turn.behind))
-        turned = _heading(attitude[b]) - _heading(attitude[a])
+        turned = float(heading_of(attitude[b]) - heading_of(attitude[a]))
         residual = (turn.angle - turned + np.pi) % (2 * np.pi) - np.pi
         down_a, down_b = heading_gradient(attitude[a]), heading_gradient(attitude[b])
         design = down_b @ chain[b] - down_a @ chain[a]
@@ -342,10 +342,6 @@ def _by_rows(vector: Array) -> Array:
     for row in range(3):
         out[..., row, 3 * row : 3 * row + 3] = vector
     return out
-
-
-def _heading(attitude: Array) -> float:
-    return float(np.arctan2(attitude[1, 0], attitude[0, 0]))
 
 
 def heading_gradient(attitude: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Poses that sway or tilt: seen by gyro and accelerometer, traced by the gyro and levelled by the accelerometer.
+"""Poses that sway or tilt: carried by the gyro, levelled by the accelerometer.
 
 Sway is motion whose angle stays bounded. In the mean rate of a block it is noise of the angle at both ends over the
 length (`Blocks.sway_covariance`). With an accelerometer a swaying stretch tells more: the gyro carries the attitude

@@ -128,7 +128,9 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
         questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
         read_as="" if ours or live or heading is not None else read_as + words,
     )
-    return (source if only is None else _of_two_kinds(source, only, layout, path, rows)), layout, rows
+    if only is not None:
+        return _of_two_kinds(source, only, layout, path, rows), layout, rows
+    return (_of_two_rates(source, path, layout, rows) if _is_uneven(layout, positions) else source), layout, rows
 
 
 def _kinds(layout: TextLayout, name: str) -> tuple[int, str, str] | None:
@@ -208,6 +210,34 @@ def _of_two_kinds(source: Source, only: tuple[int, str, str], layout: TextLayout
         read_as="",
     )
     return joined(source, accel)
+
+
+def _is_uneven(layout: TextLayout, positions: Mapping[str, int]) -> bool:
+    """Whether rows that hold a rate have no force, or the other way round: the sensors are sampled at other times."""
+    groups = [[positions[ours] for ours in names if ours in positions] for names in (RATES, FORCES)]
+    if not layout.sparse or not all(groups):
+        return False
+    gyro, accel = ([all(row[place] for place in group) for row in layout.rows] for group in groups)
+    alone = sum(one != other for one, other in zip(gyro, accel, strict=True))
+    return alone > MANY_TURNS * len(layout.rows) and any(gyro) and any(accel)
+
+
+def _of_two_rates(source: Source, path: Path, layout: TextLayout, rows: Layout) -> Source:
+    """Rows of which some hold rates and some forces, in columns of their own: each read alone, then joined."""
+    time = tuple(name for name in source.columns if name == TIME)
+
+    def of(ours: tuple[str, ...]) -> Source:
+        columns = (*time, *(name for name in source.columns if name in ours))
+        use = tuple(rows.use[i] for i, name in enumerate(_used(source.columns, rows)) if name in columns)
+        blocks = partial(text_blocks, path, layout.offset, layout.row, replace(rows, use=use))
+        return replace(source, columns=columns, blocks=blocks, parts=None)
+
+    return joined(of(RATES), replace(of(FORCES), read_as=""))
+
+
+def _used(columns: tuple[str, ...], rows: Layout) -> tuple[str, ...]:
+    """The names of the fields that are read; a time put together of several is none of them."""
+    return columns if rows.clock is None else tuple(name for name in columns if name != TIME)
 
 
 def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset: Preset | None, name: str) -> Chosen:
