@@ -74,8 +74,8 @@ def studies_of(benchmark: str) -> dict[str, Study]:
 def page(benchmark: str, studies: dict[str, Study]) -> str:
     """The whole page as Markdown."""
     intro = (PAGES / f"{benchmark}.intro.md").read_text(encoding="utf-8").strip()
-    there = re.compile(r"^```with (\S+)\n(.*?)^```(?:\n|$)", re.M | re.S)
-    intro = there.sub(lambda found: found[2] * (found[1] in studies), intro)
+    there = re.compile(r"^```with (\S+)\n(.*?)^```(?:\n+|$)", re.M | re.S)
+    intro = there.sub(lambda found: f"{found[2]}\n" if found[1] in studies else "", intro)
     intro = re.sub(r"^```claims\n(.*?)^```", lambda found: claims(found[1], studies), intro, flags=re.M | re.S)
     intro = re.sub(r"\{\{(.*?)\}\}", lambda found: cell_text(cell(studies, *parts(found[1]))), intro)
     return "\n\n".join([WRITTEN, intro, *(section(study, benchmark) for study in studies.values())]) + "\n"
@@ -145,6 +145,8 @@ def claims(text: str, studies: dict[str, Study]) -> str:
         claim, study, table, row, column, limit, *kept = parts(line)
         found = cell(studies, study, table, row, column)
         beside = cell(studies, *kept) if kept else None
+        if beside is not None:
+            beside = f"{cell_text(beside)}: {verdict(beside, limit)}"
         rows.append((claim, limit_text(limit), found, verdict(found, limit), beside))
     columns = ("claim", "required", "result", "verdict", "of tests not lost")
     shown = len(columns) if any(row[-1] is not None for row in rows) else len(columns) - 1

@@ -127,7 +127,7 @@ def test_a_claim_may_have_the_tests_that_are_not_lost_beside_it(results):
     found = results.claims(text, {"t_back": {"tables": [table]}}).splitlines()
     assert found[0] == "| claim | required | result | verdict | of tests not lost |"
     assert found[2:] == [
-        "| a | at most 1 | 0.326 (0.310 to 0.340) | holds | 0.500 |",
+        "| a | at most 1 | 0.326 (0.310 to 0.340) | holds | 0.500: holds |",
         "| b | at most 0.1 | 0.326 (0.310 to 0.340) | **does not hold** |  |",
     ]
 
