@@ -216,8 +216,8 @@ def _with_clock(
     layout = first_rows((title,), [look(chosen.columns[TIME])])
     known = options.rate_hz or chosen.stated.rate_hz
     unit = options.time_unit or ("s" if chosen.usual != Facts() else None)
-    unit_stated = chosen.columns[TIME].unit
-    parts = [Title("time", ()) if title.isdigit() else take_apart(last_part(title, mark), unit_stated)]
+    part = take_apart(last_part(title, mark), chosen.columns[TIME].unit)
+    parts = [Title("time", ()) if title.isdigit() else part]
     clock = find_clock(layout, parts, 0, unit, known)
     questions = (*chosen.questions, *([clock.question] if clock.question else []))
     return replace(chosen, clock=clock.clock, questions=questions)
@@ -341,12 +341,10 @@ def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name:
         return Chosen(
             ordered, named, Facts(rate_hz=rate_hz), _NAVEGO, "read as NaveGo: rad/s, m/s2, forward-right-down"
         )
-    gyro_unit = spelled(columns[RATES[0]].unit, GYRO_SPELLINGS) or _unit_behind(gyro, mark, GYRO_ARRAYS, GYRO_SPELLINGS)
-    accel_unit = None
-    if accels:
-        accel_unit = spelled(columns[FORCES[0]].unit, ACCEL_SPELLINGS) or _unit_behind(
-            accels[0], mark, ACCEL_ARRAYS, ACCEL_SPELLINGS
-        )
+    gyro_unit = spelled(columns[RATES[0]].unit, GYRO_SPELLINGS)
+    gyro_unit = gyro_unit or _unit_behind(gyro, mark, GYRO_ARRAYS, GYRO_SPELLINGS)
+    accel_unit = spelled(columns[FORCES[0]].unit, ACCEL_SPELLINGS) if accels else None
+    accel_unit = accel_unit or (_unit_behind(accels[0], mark, ACCEL_ARRAYS, ACCEL_SPELLINGS) if accels else None)
     return Chosen(ordered, named, Facts(rate_hz=rate_hz, gyro_unit=gyro_unit, accel_unit=accel_unit))
 
 

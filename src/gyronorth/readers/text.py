@@ -149,8 +149,7 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
             if end and layout.mark is not None:
                 whole = data.rfind(b"\n") + 1
                 cut_off, data = len(data) > whole, data[:whole]
-            if end:
-                data = _without_end(data)
+            data = _without_end(data) if end else data
             if data or cut_off:
                 block = parse_block(data, row + 1, layout)
                 yield replace(block, share=min(1.0, file.tell() / size), cut_off=cut_off)
@@ -160,9 +159,8 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
 
 
 def _without_end(data: bytes) -> bytes:
-    """Without the blank lines at the end; blanks behind the last row stay, which may be empty fields."""
-    kept = data.rstrip()
-    end = data.find(b"\n", len(kept))
+    """Without blank lines at the end; blanks behind the last row stay: they may be empty fields."""
+    end = data.find(b"\n", len(data.rstrip()))
     return data if end < 0 else data[:end]
 
 
