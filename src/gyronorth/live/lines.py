@@ -20,7 +20,8 @@ from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.formats.csv import COMMENT, stated_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
-from gyronorth.readers.text import LONGEST_LINE, parse_block
+from gyronorth.readers.text import parse_block
+from gyronorth.readers.text_head import LONGEST_LINE
 
 #: The columns of a source without a header, by its number of fields.
 BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}

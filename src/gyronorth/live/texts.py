@@ -16,7 +16,8 @@ from gyronorth.readers.formats.csv import open_layout
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import TIME, Block, Facts
 from gyronorth.readers.spool import Spooled
-from gyronorth.readers.text import LONGEST_LINE, parse_block
+from gyronorth.readers.text import parse_block
+from gyronorth.readers.text_head import LONGEST_LINE
 
 #: Of a bad line this much is shown.
 SHOWN = 120
