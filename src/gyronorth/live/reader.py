@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
-from gyronorth.frames import recognise
+from gyronorth.frames import no_inertial_data, others_of, recognise
 from gyronorth.frames.recognition import LOOK
 from gyronorth.live.frames import FrameReader
 from gyronorth.live.lines import LineReader
@@ -16,6 +16,8 @@ from gyronorth.readers.source import Facts
 
 #: Bytes that are looked at for the first time, and by how much more than the last time each time after.
 FIRST_LOOK, GROWTH = 64, 1.5
+#: Bytes by which frames without inertial data are told.
+ENOUGH = 4096
 #: Lines by which the layout of a text that is not ours is told.
 TOLD_BY = 40
 #: What `protocol` is for lines of numbers, and before anything is known.
@@ -93,6 +95,8 @@ class StreamReader:
 
     def end(self) -> list[RowBatch]:
         """The last rows."""
+        if not self._settled and self._held and self._reader.form is None:
+            self._refuse_others()
         if self._refused is not None or (not self._settled and self._held and self._reader.form is None):
             batches = self._as_text()
             return [*batches, *self._reader.end()]
@@ -147,7 +151,14 @@ class StreamReader:
 
     def _better(self, error: InputError) -> InputError:
         """What asks for the least: a question with its answer, else why these are no lines of ours."""
+        self._refuse_others()
         return error if isinstance(error, OpenQuestion) or self._refused is None else self._refused
+
+    def _refuse_others(self) -> None:
+        """InputError where the bytes are frames of a known protocol without inertial data."""
+        others = others_of(self._held[-LOOK:])
+        if others is not None:
+            raise InputError(no_inertial_data(self._name, *others))
 
     def _looked(self) -> bool:
         """Whether frames are recognised now."""
@@ -156,6 +167,8 @@ class StreamReader:
         self._next_look = int(len(self._held) * GROWTH)
         protocol = recognise(self._held)
         if protocol is None:
+            if len(self._held) >= ENOUGH:
+                self._refuse_others()
             return False
         self._reader, self._settled = FrameReader(self._name, protocol, self._options), True
         return True
