@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.frames import no_inertial_data, others_of, recognise
 from gyronorth.frames.recognition import LOOK
 from gyronorth.live.frames import FrameReader
-from gyronorth.live.lines import LineReader
+from gyronorth.live.lines import LineReader, columns_by_width
 from gyronorth.live.rows import RowBatch, Tally
 from gyronorth.live.texts import TextReader
 from gyronorth.readers.asking import OpenQuestion
@@ -45,9 +47,13 @@ class StreamReader:
         self._held = b""  # bytes by which the protocol may still be told
         self._next_look = FIRST_LOOK
         self._next_lines = TOLD_BY
+        self._in_si = False
         self._refused: InputError | None = None  # why these are no lines of ours
         self._reader: LineReader | FrameReader | TextReader = LineReader(name, options)
         self._settled = options.protocol is not None
+        if options.gyro_scale is not None or options.accel_scale is not None:
+            self._in_si = True  # a recording of such lines would not say what they are: rows leave in SI
+            self._refused = InputError(f"{name} sends no rows of numbers that --gyro-scale and --accel-scale are for.")
         if options.protocol is not None:
             self._reader = FrameReader(name, options.protocol, options)
 
@@ -139,9 +145,11 @@ class StreamReader:
 
     def _as_text(self) -> list[RowBatch]:
         """The rows that are held, read as the first lines of a file are."""
-        held = self._held
+        held, options = self._held, self._options
+        if self._in_si and not options.columns:
+            options = replace(options, columns=columns_by_width(held))
         try:
-            reader = TextReader(self._name, held[: held.rfind(b"\n") + 1] or held, self._options)
+            reader = TextReader(self._name, held[: held.rfind(b"\n") + 1] or held, options)
         except InputError as error:
             if self._refused is not None or isinstance(error, OpenQuestion):
                 raise self._better(error) from None
@@ -152,7 +160,7 @@ class StreamReader:
     def _better(self, error: InputError) -> InputError:
         """What asks for the least: a question with its answer, else why these are no lines of ours."""
         self._refuse_others()
-        return error if isinstance(error, OpenQuestion) or self._refused is None else self._refused
+        return error if isinstance(error, OpenQuestion) or self._refused is None or self._in_si else self._refused
 
     def _refuse_others(self) -> None:
         """InputError where the bytes are frames of a known protocol without inertial data."""

@@ -65,6 +65,8 @@ DECLARED_OF = {
     "accel_range_g": ("stim",),
     "imu": ("novatel",),
     "accel_unit": (),
+    "gyro_scale": (),
+    "accel_scale": (),
     "columns": (),
 }
 
