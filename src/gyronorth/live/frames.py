@@ -6,8 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from gyronorth.errors import InputError
 from gyronorth.findings import Finding
-from gyronorth.frames import FrameStream, Report, Samples
+from gyronorth.frames import FrameStream, Report, Samples, no_inertial_data
 from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.formats.frames import SI, frame_options, usual_facts
 from gyronorth.readers.options import ReadOptions
@@ -15,6 +16,8 @@ from gyronorth.readers.source import FLAGS, FORCES, RATES, TIME, Facts
 
 #: Title of the unit's temperature in a recording.
 TEMPERATURE = "temperature_degC"
+#: Frames without inertial data after which a unit is not set to send any.
+MOST_OTHERS = 400
 
 
 class FrameReader:
@@ -40,6 +43,7 @@ class FrameReader:
 
     def __init__(self, name: str, protocol: str, options: ReadOptions) -> None:
         self.form: Form | None = None
+        self._name = name
         self.protocol = protocol
         self._options = frame_options(protocol, options, name)
         self._stream = FrameStream(protocol, self._options)
@@ -80,6 +84,9 @@ class FrameReader:
         self._fed += len(data)
         self._latest = undecided + data
         samples = stream.feed(data)
+        report = stream.report
+        if not report.samples and not report.unusable and report.other >= MOST_OTHERS and report.messages:
+            raise InputError(no_inertial_data(self._name, self.protocol, report.messages))
         if stream.report.settings > before:
             self._why = "the unit was reset: it sends at another rate or in another layout"
             place = max(stream.changed_at - start, 0)

@@ -243,6 +243,13 @@ class LineReader:
         self.last_garbage += "..." if len(line) > SHOWN else ""
 
 
+def columns_by_width(data: bytes) -> dict[str, int] | None:
+    """The columns of rows without a header, by the first line; None where this is no row of ours."""
+    first = next((line for line in data.split(b"\n") if line.strip()), b"")
+    columns = BY_WIDTH.get(first.count(b",") + 1) if numeric_lines(first + b"\n")[0] else None
+    return None if columns is None else {name: place for place, name in enumerate(columns)}
+
+
 def numeric_lines(data: bytes) -> list[bool]:
     """Of each line, whether it has nothing but the characters of numbers, and a digit."""
     symbols = np.frombuffer(data, dtype=np.uint8)

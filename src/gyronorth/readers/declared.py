@@ -85,7 +85,7 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
     """
     stated, usual, name = source.stated, source.usual, source.name
     if source.decoded:
-        options = replace(options, gyro_unit=None, accel_unit=None, increments=None)
+        options = replace(options, gyro_unit=None, accel_unit=None, gyro_scale=None, accel_scale=None, increments=None)
         if source.usual.rate_hz or (source.clock is not None and source.clock.unit is not None):
             options = replace(options, rate_hz=None)  # the frames have settled it, and told of a conflict
     has_accel = FORCES[0] in source.columns

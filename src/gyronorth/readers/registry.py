@@ -215,6 +215,10 @@ def _by_format(path: Path, options: ReadOptions, packed: int | None = None) -> S
         raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
     if options.columns and not info.takes_columns:
         raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
+    if name == "csv" and not options.columns and _head(path, 3).startswith((b"$VN", b"#AP")):
+        from gyronorth.readers.formats.frames import refuse_others
+
+        refuse_others(path)
     return _read(FORMATS[name], path, options, packed)
 
 
