@@ -190,4 +190,15 @@ def _by_gravity(fields: Fields, options: Options, rate_hz: float | None) -> tupl
     return best if best is not None and off[best] < limit else None
 
 
-PROTOCOL = Protocol("stim", 1, _starts, _whole, _layouts, _fields, scale=_scale, infer=_infer, line_ends=True)
+PROTOCOL = Protocol(
+    "stim",
+    1,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    scale=_scale,
+    infer=_infer,
+    line_ends=True,
+    message=lambda row: f"datagram 0x{row[0]:02X}",
+)
