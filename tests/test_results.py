@@ -145,7 +145,7 @@ def test_every_table_of_heading_errors_has_a_floor(name):
         title, _, body = re.split("\n## |\nMade by ", section)[0].partition("\n")
         if re.search(r"\bdeg\b", body.strip().splitlines()[0]):
             tables[title] = body
-    assert len(tables) == {"disturbed": 20, "paper": 23, "published": 12, "turned": 1}[name]
+    assert len(tables) >= {"disturbed": 20, "paper": 23, "published": 12, "turned": 1}[name]
     assert [title for title, body in tables.items() if not re.search(r"\b[Ff]loor\b|\| bound, deg", body)] == []
 
 

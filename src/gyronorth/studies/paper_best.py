@@ -17,7 +17,7 @@ from gyronorth.studies.paper_augmentation import HOW, LIMIT, limit_of_splits
 from gyronorth.studies.paper_table_2 import without_network
 from gyronorth.studies.published_splits import split_units
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import Study, StudyPlan
+from gyronorth.studies.study import Selection, Study, StudyPlan
 from gyronorth.studies.tables import Report, Table, verdict
 from gyronorth.studies.work import Job, Result
 
@@ -35,7 +35,15 @@ NETWORKS = {
 ENSEMBLE = f"mean of {MEMBERS}"
 
 
-def best_unit(*, settings: dict, split: dict, residual: bool, seed: int, data: dict | None = None) -> Result:
+def best_unit(
+    *,
+    settings: dict,
+    split: dict,
+    residual: bool,
+    seed: int,
+    data: dict | None = None,
+    selection: Selection = "validation",
+) -> Result:
     """Train the members of an ensemble on one split; the error of each on the tests, deg."""
     from gyronorth.alignment.networks.runtime import decode
     from gyronorth.learn.batched import residuals, train_batched
@@ -43,13 +51,13 @@ def best_unit(*, settings: dict, split: dict, residual: bool, seed: int, data: d
     from gyronorth.learn.stages import heading_parts
 
     own = [Settings.model_validate({**settings, "seed": settings["seed"] + k}) for k in range(MEMBERS)]
-    parts = split_data(split, recordings_of(seed, data), own[0])
+    parts = split_data(split, recordings_of(seed, data), own[0], leak=selection == "leak")
     prepared = [heading_parts(one, parts, None) for one in own]
     test = parts.test
     assert test is not None
     closed_form = angle_error(model_based(test.gyro_l), test.heading)
     trained = train_batched(own, [residuals(one) for one in prepared] if residual else prepared)
-    kept = trained.chosen["validation"]
+    kept = trained.chosen["validation" if selection == "leak" else selection]
     wanted = -closed_form if residual else test.heading
     heading = [decode(raw.double().numpy(), own[0].heading.output) for raw in kept.test]
     return {
@@ -72,6 +80,8 @@ def _jobs(plan: StudyPlan) -> dict[str, list[Job]]:
         for i, split in enumerate(splits_of(plan, _splits(plan))):
             settings = heading_settings(variant, plan, seed=plan.seed + MEMBERS * i)
             arguments = {"settings": settings, "split": split_json(split), "residual": residual, **plan.source()}
+            if plan.selection != "validation":
+                arguments["selection"] = plan.selection
             jobs.setdefault(label, []).append(Job(f"best/{digest(arguments)}", best_unit, arguments))
     return jobs
 

@@ -168,6 +168,8 @@ def _rows(where: str, folds: Sequence[Result], seed: int) -> list[tuple]:
 
 
 def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+    from gyronorth.learn.prior_fitted import PriorFittedSettings
+
     of_recordings, windows, simulated = [], [], []
     for title, job in _jobs(plan).items():
         folds = results[job.name]["folds"]
@@ -189,14 +191,16 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     )
     count = len(plan.recordings().heading_true)
     note = f"Within set; intervals are over the {count} recordings."
-    own = "Swings drawn from the prior that all three know; intervals are over swings."
+    own = "Swings drawn from the prior of the network and of `learned + deviation`; intervals are over swings."
     tables = (
         Table("Prior-fitted network, whole recordings", columns, tuple(of_recordings), note),
         Table(f"Prior-fitted network, windows of {WINDOW:g} s", columns, tuple(windows), note),
         Table("Prior-fitted network, simulated swings", columns, tuple(simulated), own),
     )
-    losses = results[_training(plan).name]["loss"]
-    return Report(TEXT, tables, {"loss": losses})
+    last = _training(plan)
+    settings = PriorFittedSettings(**last.arguments["settings"])
+    shown = f"{settings.swings * settings.steps:,}".replace(",", " ")
+    return Report(TEXT.replace("SHOWN", shown), tables, {"loss": results[last.name]["loss"]})
 
 
 def _floor(plan: StudyPlan, table: Table) -> str:
@@ -208,7 +212,7 @@ def _floor(plan: StudyPlan, table: Table) -> str:
 
 
 TEXT = (
-    "A network with attention, of some 31 000 weights, is shown 76 800 simulated swings: headings of 6 to 60 known "
+    "A network with attention, of some 31 000 weights, is shown SHOWN simulated swings: headings of 6 to 60 known "
     "recordings, their errors, and the surplus of their rates, drawn from the prior of `learned + deviation`: curve, "
     "coupling to the rate or neither, Student-t noise. It is trained to say mean and standard deviation of the error "
     "at other headings, and has never seen a real recording. A swing that is turned, mirrored or in another order "
