@@ -68,7 +68,7 @@ def test_a_network_that_says_nothing_beside_the_closed_form_has_its_error(monkey
         return batched.BatchedTraining(chosen={"validation": batched.Choice(none.float(), none, straight)})
 
     monkeypatch.setattr(batched, "train_batched", untrained)
-    unit = list(paper_best._jobs(PLAN).values())[1][0]
+    unit = list(paper_best.jobs_of(PLAN).values())[1][0]
     found = unit.function(**unit.arguments)
     for error in found["error_deg"]:
         assert_allclose(error, found["model_based_deg"], atol=1e-5)

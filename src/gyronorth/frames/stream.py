@@ -1,4 +1,7 @@
-"""Frames of one stream to samples: which layout is taken, its scale, its rate, what is lost."""
+"""Frames of one stream to samples: which layout is taken, its scale, its rate, what is lost.
+
+Longer than 400 lines: it is one state machine, whose settings and samples are read together.
+"""
 
 from __future__ import annotations
 

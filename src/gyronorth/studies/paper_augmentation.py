@@ -21,7 +21,7 @@ from gyronorth.studies.methods import WINDOW, rounded
 from gyronorth.studies.network_tables import PRINTED_RATIOS, Pooled, shares_of_splits
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 Array = NDArray[np.float64]
@@ -171,7 +171,7 @@ def _rows(results: list[Result], plan: StudyPlan, *, leak: bool) -> list[tuple]:
     return rows
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     mine = [results[unit.name] for unit in _units(plan)]
     count = len(mine) * plan.splits
     columns = (
@@ -200,7 +200,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         rows.append((f"{span}", float(np.degrees(cyclic_rmse(error))), ratio))
     columns = ("span, deg", "CRMSE, deg", "ratio to model-based")
     tables.append(Table("Leaving one recording out, all others known", columns, tuple(rows)))
-    return Report(HOW, tuple(tables))
+    return StudyReport(HOW, tuple(tables))
 
 
 def _percent(share: float | np.floating) -> str:

@@ -18,7 +18,7 @@ from gyronorth.studies.paper_table_2 import without_network
 from gyronorth.studies.published_splits import split_units
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Selection, Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, verdict
+from gyronorth.studies.tables import StudyReport, Table, verdict
 from gyronorth.studies.work import Job, Result
 
 #: Networks of an ensemble: other first weights, order, dropout and redrawn noise.
@@ -72,7 +72,7 @@ def _splits(plan: StudyPlan) -> int:
     return min(plan.network_splits, SPLITS)
 
 
-def _jobs(plan: StudyPlan) -> dict[str, list[Job]]:
+def jobs_of(plan: StudyPlan) -> dict[str, list[Job]]:
     """A unit for each split."""
     jobs: dict[str, list[Job]] = {}
     variant = merged(OWN_NETWORK, {"heading": {"epochs": EPOCHS}})
@@ -88,7 +88,7 @@ def _jobs(plan: StudyPlan) -> dict[str, list[Job]]:
 
 def _units(plan: StudyPlan) -> list[Job]:
     others = split_units(plan)[: _splits(plan)]
-    return [*others, *(job for jobs in _jobs(plan).values() for job in jobs)]
+    return [*others, *(job for jobs in jobs_of(plan).values() for job in jobs)]
 
 
 def _single(found: list[Result]) -> Pooled:
@@ -109,10 +109,10 @@ def _together(found: list[Result]) -> Pooled:
     )
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     others = [results[unit.name] for unit in split_units(plan)[: _splits(plan)]]
     found = {MODEL_BASED: without_network(others, MODEL_BASED)}
-    for label, jobs in _jobs(plan).items():
+    for label, jobs in jobs_of(plan).items():
         mine = [results[job.name] for job in jobs]
         found |= {label: _single(mine), f"{label}, {ENSEMBLE}": _together(mine)}
     found[LEARNED] = without_network(others, LEARNED)
@@ -139,7 +139,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         "for the error of the closed form, it need not learn to find north, but the deviation alone, which is all "
         f"that *{LEARNED}* learns. {HOW}"
     )
-    return Report(text, (Table("Networks at their best", columns, tuple(rows), note),))
+    return StudyReport(text, (Table("Networks at their best", columns, tuple(rows), note),))
 
 
 def _row(label: str, one: Pooled, learned: Pooled, seed: int) -> tuple:

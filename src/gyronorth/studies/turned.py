@@ -16,7 +16,7 @@ from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.simulation import Motion, simulate_batch
 from gyronorth.studies.methods import as_rad, rounded
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, degrees
+from gyronorth.studies.tables import StudyReport, Table, degrees
 from gyronorth.studies.work import Job, Result
 
 #: Time of standing still, shared by the poses, and of each turn, s; sample rate, Hz.
@@ -124,7 +124,7 @@ def _units(plan: StudyPlan) -> list[Job]:
     return [unit for number, case in enumerate(CASES.values()) for unit in _units_of(number, case, plan)]
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rng, rows = np.random.default_rng(plan.seed), []
     for number, (name, case) in enumerate(CASES.items()):
         parts = [results[unit.name] for unit in _units_of(number, case, plan)]
@@ -134,7 +134,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         inside = wilson(float(np.mean(np.abs(error) <= 1.96 * sigma)), len(error))
         rows.append((name, len(error), degrees(found), float(np.degrees(bound)), ratio, inside))
     columns = ("turns", "recordings", "RMSE, deg", "bound, deg", "ratio to the bound", "inside the 95 % interval")
-    return Report(TEXT, (Table("Heading from poses and turns", columns, tuple(rows)),))
+    return StudyReport(TEXT, (Table("Heading from poses and turns", columns, tuple(rows)),))
 
 
 TEXT = (

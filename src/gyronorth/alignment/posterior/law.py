@@ -3,6 +3,8 @@
 A hypothesis is a *base* (scale of the in-run drift, and a broadband motion of the platform) and a *shape* (one slow
 change beside it: a tilt that goes on or settles, a bias that settles or walks). Bases are whitened once for each
 length and sensor; shapes are a few columns on top, eliminated in closed form.
+
+Longer than 400 lines: bases, shapes and their priors make one law, and each hypothesis is read beside the others.
 """
 
 from __future__ import annotations
