@@ -24,8 +24,8 @@ from gyronorth.frames.samples import Kind, Report, Samples, held, to_next, usabl
 from gyronorth.frames.samples import joined as samples_joined
 from gyronorth.frames.spacing import Spacing
 
-#: Frames that are looked at before the first sample is given, for layout, rate and ranges; those with rate alone
-#: longer, as specific force may come far less often.
+#: Frames that are looked at before the first sample is given, for layout, rate and ranges; more of those with rate
+#: alone, as specific force may come far less often.
 HELD, HELD_FOR_FORCE = 64, 512
 #: Settings of the unit that are remembered, and findings of one kind.
 KINDS, TOLD = 8, 3

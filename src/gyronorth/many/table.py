@@ -127,6 +127,19 @@ def write_table(path: Path, settings: str, outcomes: Sequence[Outcome]) -> None:
     made.finish([outcome.file for outcome in outcomes])
 
 
+def is_table(path: Path) -> bool:
+    """Whether a file is a table of many, of headings or of another task."""
+    ends = b"," + ",".join(STAMPS).encode()
+    try:
+        if _is_parquet(path):
+            names = _arrow(path).read_schema(path).names
+            return names[:1] == ["file"] and tuple(names[-2:]) == STAMPS
+        with path.open("rb") as file:
+            return file.read(5) == b"file," and file.readline(4096).rstrip().endswith(ends)
+    except (OSError, ValueError, InputError):
+        return False
+
+
 @contextmanager
 def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[str] = HEADINGS) -> Iterator[Table]:
     """A table to be made at `path`, .parquet or CSV; the partial file goes when the block ends well.
@@ -228,6 +241,10 @@ def _parsed(content: bytes, path: Path, columns: Sequence[str], *, torn: bool = 
     except (ValueError, csv.Error):
         if torn:
             return None
+        if content.startswith(f"{','.join(columns)}\n".encode()):
+            raise InputError(
+                f"{path} is damaged or cut off: its last rows are not whole. Leave --resume out."
+            ) from None
         header, rows = [], []
     if tuple(header) != tuple(columns):
         raise InputError(
@@ -265,7 +282,9 @@ def _read_parquet(path: Path, columns: Sequence[str]) -> list[Row]:
     try:
         content = _arrow(path).read_table(path)
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {' '.join(str(error).split())[:160]}. Leave --resume out.") from None
+        raise InputError(
+            f"{path} cannot be read: {' '.join(str(error).split())[:160].rstrip('.')}. Leave --resume out."
+        ) from None
     if tuple(content.column_names) != tuple(columns):
         raise InputError(f"{path} is no table of this kind. Choose another name, or leave --resume out.")
     cells = [[_text(value) for value in column.to_pylist()] for column in content.columns]
