@@ -30,8 +30,8 @@ from gyronorth.frames.spacing import Spacing
 #: Frames that are looked at before the first sample is given, for layout, rate and ranges; more of those with rate
 #: alone, as specific force may come far less often.
 HELD, HELD_FOR_FORCE = 64, 512
-#: Settings of the unit that are remembered.
-KINDS = 8
+#: Settings of the unit that are remembered, and findings of one kind.
+KINDS, TOLD = 8, 3
 #: Frames of one layout that must be there before it is taken: a false frame comes alone.
 CONFIRMED = 3
 #: Of frames that hold different data, what this share of them holds is read. Data at half the rate are in half of them.
@@ -245,8 +245,8 @@ class FrameStream:
         return bool(stated and self._rate and abs(stated / self._rate - 1) > RATE_CONFLICT)
 
     def _tell(self, finding: Finding) -> None:
-        """Say it once, however often it comes."""
-        if finding not in self._findings:
+        """Say it once, however often it comes, and of a kind no more than is read."""
+        if finding not in self._findings and [each.code for each in self._findings].count(finding.code) < TOLD:
             self._findings += (finding,)
 
     def _ours(self, frames: Frames) -> Mask:
