@@ -22,7 +22,7 @@ from gyronorth.studies.tables import Report, Table, verdict
 from gyronorth.studies.work import Job, Result
 
 #: Networks of an ensemble: other first weights, order, dropout and redrawn noise.
-MEMBERS = 4
+MEMBERS = 3
 #: Splits at most: each trains the members twice.
 SPLITS = 6
 #: Epochs of each training, the decay of the rate fitted to them.

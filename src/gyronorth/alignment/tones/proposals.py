@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, ToneLaw, columns, evidence, law, network_axes
 from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
-from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
 from gyronorth.angles import mean_direction, wrap_heading
 from gyronorth.arrays import Array, Mask
 from gyronorth.attitude import heading_of_rate
@@ -128,7 +128,7 @@ class Explored:
 
 
 def explored(
-    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: Motion = STILL
+    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL
 ) -> Explored:
     """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
     known = law(len(gyro_l), rate_hz, errors, motion)
