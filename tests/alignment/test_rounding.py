@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gyronorth.alignment.rounding import rounding_bias
-from gyronorth.pipeline import heading
+from gyronorth.pipeline import heading, heading_batch
 from gyronorth.recording import Recording
 from gyronorth.sensor import read_sensor
 from gyronorth.simulation import simulate_batch
@@ -35,6 +35,22 @@ def test_fine_samples_and_increments_that_carry_over_are_not_off():
         counts = np.round(np.cumsum(gyro, axis=1) / step)
         carried = np.diff(counts, axis=1) * step
         assert np.mean([rounding_bias(one) > 0 for one in carried]) < 0.1
+
+
+@pytest.mark.parametrize("method", ["mean", "inertial"])
+def test_closed_forms_allow_for_rounding(method):
+    """Turn-on biases spread over the steps; without the allowance two of three miss."""
+    sensor, runs = read_sensor("isa100c"), 40
+    truth = np.linspace(0, 6, runs)
+    gyro, accel = simulate_batch(
+        sensor, runs=runs, latitude=0.8, heading=truth, duration=60, rate_hz=10, rng=np.random.default_rng(4)
+    )
+    step = 5 * sensor.gyro.white * np.sqrt(10)
+    found = heading_batch(np.round(gyro / step) * step, accel, rate_hz=10.0, latitude=0.8, sensor=sensor, method=method)
+    off = (found.heading - truth + np.pi) % (2 * np.pi) - np.pi
+    assert np.mean(np.abs(off) > 1.96 * found.sigma) < 0.2
+    fine = heading_batch(gyro, accel, rate_hz=10.0, latitude=0.8, sensor=sensor, method=method)
+    assert np.median(found.sigma) > 2 * np.median(fine.sigma)
 
 
 def test_a_coarse_output_widens_the_interval_and_is_told():

@@ -9,6 +9,7 @@ import numpy as np
 from gyronorth.alignment.motion import RATE_FLOOR
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.result import Attitude, Judged, Posterior, Result
+from gyronorth.alignment.rounding import rounding_variance
 from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE
 from gyronorth.uncertainty import (
@@ -38,13 +39,14 @@ BIAS_EVIDENT = np.log(100)
 
 
 def claimed_variance(problem: Problem, kind: Literal["mean", "inertial"]) -> dict[str, Array]:
-    """Error budget that the profile claims, (rad/s)^2 by term, spread over the batch."""
+    """Error budget that the profile claims, (rad/s)^2 by term, spread over the batch; rounding is a constant error."""
     assert problem.sensor is not None
     claimed = horizontal_rate_variance(
         problem.sensor, latitude=problem.latitude, duration=problem.duration, method=kind
     )
     if problem.accel_b is None:
         claimed["levelling"] = np.zeros(())
+    claimed["turn_on_bias"] = claimed["turn_on_bias"] + rounding_variance(problem.gyro_b)
     claimed |= pitch_variance(problem)
     return {name: np.broadcast_to(value, problem.shape) for name, value in claimed.items()}
 

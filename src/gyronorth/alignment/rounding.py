@@ -39,6 +39,16 @@ def rounding_bias(gyro_b: Array) -> float:
     return max((_of_axis(x[:, k], change[:, k]) for k in range(3)), default=0.0)
 
 
+def rounding_variance(gyro_b: Array) -> Array:
+    """Square of `rounding_bias` of each of the recordings (..., n, 3), (rad/s)^2, shape (...)."""
+    first = gyro_b[..., :SAMPLES, :]
+    repeated = np.mean(first[..., 1:, :] == first[..., :-1, :], axis=-2) if first.shape[-2] > 1 else np.zeros(3)
+    found = np.zeros(gyro_b.shape[:-2])
+    for index in np.argwhere(np.any(repeated >= REPEATED, axis=-1) & np.ones(found.shape, dtype=bool)):
+        found[tuple(index)] = rounding_bias(first[tuple(index)]) ** 2
+    return found
+
+
 def _of_axis(x: Array, change: Array) -> float:
     moved = change > 0
     if moved.all() or np.mean(~moved) < REPEATED or not moved.any():

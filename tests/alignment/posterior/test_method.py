@@ -71,7 +71,8 @@ def test_the_density_is_handed_on_and_holds_what_the_interval_says():
     mass = found.posterior.density * step[0]
     assert mass.sum() == pytest.approx(1, rel=1e-9)
     assert mass @ np.sin(angle) == pytest.approx(0, abs=1e-3 * found.sigma)
-    assert np.sqrt(mass @ angle**2) == pytest.approx(found.sigma, rel=0.02)
+    # Sigma also counts what lies beyond the grid, a thousandth of the mass at most.
+    assert 0.95 * found.sigma < np.sqrt(mass @ angle**2) <= found.sigma * (1 + 1e-3)
     low, high = (end - found.heading for end in found.interval95)
     assert np.interp(high, angle, np.cumsum(mass)) - np.interp(low, angle, np.cumsum(mass)) == pytest.approx(
         0.95, abs=0.02

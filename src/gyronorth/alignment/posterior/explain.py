@@ -25,7 +25,7 @@ from gyronorth.alignment.posterior.tones import (
     shows_tones,
     strongest,
 )
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, Index
 from gyronorth.conditioning import block_means
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
@@ -222,22 +222,19 @@ def _axes(axis: Axis, seen: Array, under: Law, *, tilting: float = 1.0) -> tuple
     u_y = (across @ axis.constant[:, :, None])[..., 0].T
     c_y = np.swapaxes(across @ axis.columns, 0, 1)
     y_y = np.sum(white**2, axis=(1, 2))
-    b, s = len(axis.information), len(shapes.size)
-    information = np.repeat(axis.information[:, None], s, axis=1)
-    projected = np.repeat(u_y[:, :, None], s, axis=2)
-    residual = np.repeat(y_y[:, None], s, axis=1)
-    log_det = np.zeros((b, s))
-    one = np.flatnonzero(shapes.column >= 0)
-    column, square = shapes.column[one], (shapes.size * np.where(shapes.tilts, tilting, 1.0))[one] ** 2
-    pivot = 1 + square * axis.square[:, column]
-    gain = square / pivot
-    information[:, one] -= gain * axis.cross[:, column] ** 2
-    projected[:, :, one] -= gain * axis.cross[:, column] * c_y[:, :, column]
-    residual[:, one] -= gain * np.sum(c_y[:, :, column] ** 2, axis=0)
-    log_det[:, one] = np.log(pivot)
-    u_m, m_y = np.einsum("bd,bdm->bm", axis.constant, axis.walk), np.einsum("bdm,bda->bma", axis.walk, white)
+    # What is no rank-one shape has size 0 here.
+    column: Index = np.maximum(shapes.column, 0)
+    size = np.where(shapes.column >= 0, shapes.size * np.where(shapes.tilts, tilting, 1.0), 0.0)
+    pivot = 1 + size**2 * axis.square[:, column]
+    gain, cross = size**2 / pivot, axis.cross[:, column]
+    information = axis.information[:, None] - gain * cross**2
+    projected = u_y[:, :, None] - gain * cross * c_y[:, :, column]
+    residual = y_y[:, None] - gain * np.sum(c_y**2, axis=0)[:, column]
+    log_det = np.log(pivot)
+    walk = np.swapaxes(axis.walk, 1, 2)
+    u_m, m_y = (walk @ axis.constant[:, :, None])[..., 0], walk @ white
     for number in np.flatnonzero([kind == "walk" for kind in shapes.kind]):
-        inner = np.eye(axis.walk.shape[2]) + np.swapaxes(axis.walk, 1, 2) @ axis.walk * shapes.size[number] ** 2
+        inner = np.eye(axis.walk.shape[2]) + walk @ axis.walk * shapes.size[number] ** 2
         both = np.concatenate([u_m[:, :, None], m_y], axis=2)
         solved = np.asarray(np.linalg.solve(inner, both), dtype=float) * shapes.size[number] ** 2
         information[:, number] -= np.sum(u_m * solved[:, :, 0], axis=1)

@@ -30,6 +30,8 @@ SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
 #: Where tones or bumps were fitted, broadband motion is what they leave: every second size at two of the times.
 SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
+#: Likewise of the yaw.
+YAWS_LEFT, YAW_TIMES_LEFT = tuple(np.radians((3e-3, 0.1))), (0.01, 0.3)
 #: Probability of broadband motion, with and without an accelerometer that would show it.
 SWAY, SWAY_UNSEEN = 0.08, 0.04
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning, and its share of the prior.
@@ -45,7 +47,7 @@ FORCES, WANDERS, FORCE = (0.3, 1.0, 3.0, 10.0), (0.1, 0.3, 1.0), 0.12
 FORCE_TIMES = ((0.08, 0.25), (0.25, 0.8), (0.8, 100.0))
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.15, (1.0, 3.0, 10.0, 30.0)
+SETTLING, SETTLING_SIZES = 0.12, (1.0, 3.0, 10.0, 30.0)
 SETTLING_SIZE_PRIOR = (0.05, 0.25, 0.6, 0.1)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
@@ -152,41 +154,64 @@ def law_of(
     base[:COUNT, :COUNT] += sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
     if accel:
         base[COUNT:, COUNT:] += _force(sensor.accel, seconds) + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
-    noise = np.array(
-        [base + factor**2 * _drift(_drifting(gyro, seconds, factor), seconds, accel=accel) for factor in DRIFTS]
-    )
+    noise = base + _drifts(replace(gyro, white=0.0) if gyro.flicker or gyro.random_walk else gyro, seconds, accel=accel)
     forces, levels = _forces(sensor.accel) if accel else (np.zeros(1), np.zeros((1, 0, 0)))
-    level = np.zeros((len(forces), *base.shape))
-    level[:, COUNT:, COUNT:] = levels
-    some = SWAY if accel else SWAY_UNSEEN
-    fitted = white is not None or bool(tones) or bool(bumped)
+    moves = _moves(seconds, len(forces), known=known, fitted=white is not None or bool(tones) or bool(bumped))
+    used, number = np.unique(moves.drift * len(forces) + moves.force, return_inverse=True)
+    horizontal = noise[used // len(forces)].copy()
+    horizontal[:, COUNT:, COUNT:] += levels[used % len(forces)]
+    walk, trace = _walk_modes() * scale, shapes.trace if accel else None
+    upright = noise[:, :COUNT, :COUNT]
+    return Law(
+        horizontal=_axis(horizontal, number, moves.motion, shapes.gyro, trace, walk, seconds),
+        vertical=_axis(upright, moves.yaw_drift, moves.turning, shapes.gyro, None, walk, seconds),
+        drift=moves.drift,
+        sway=moves.sway,
+        force=forces[moves.force],
+        log_prior=moves.log_prior,
+        yaw_drift=moves.yaw_drift,
+        yaw_log_prior=moves.yaw_log_prior,
+        shapes=shapes,
+        bias=scale,
+    )
+
+
+@dataclass(frozen=True)
+class _Moves:
+    """Numbers of the bases, and covariances of the rate by motion."""
+
+    drift: Index  # (b,)
+    force: Index  # (b,)
+    sway: Array  # (b,) rad rms
+    motion: Array  # (b, COUNT, COUNT)
+    log_prior: Array  # (b,)
+    yaw_drift: Index  # (v,)
+    turning: Array  # (v, COUNT, COUNT)
+    yaw_log_prior: Array  # (v,)
+
+
+@lru_cache(maxsize=16)
+def _moves(seconds: float, forces: int, *, known: bool, fitted: bool) -> _Moves:
+    """Bases of all motions; beside tones or bumps that were fitted, of what they leave."""
+    duration = seconds * COUNT
     sizes, lags = (SWAYS_LEFT, SWAY_TIMES_LEFT) if fitted else (SWAYS, SWAY_TIMES)
     sways = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
     motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
-    yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
+    sizes, lags = (YAWS_LEFT, YAW_TIMES_LEFT) if fitted else (YAWS, YAW_TIMES)
+    yaws = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
     turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
-    base_drift, base_sway, base_force = _paired(len(sways), len(forces), known=known)
-    yaw_drift, base_yaw, _ = _paired(len(yaws), 1, known=known)
-    walk, trace = _walk_modes() * scale, shapes.trace if accel else None
-    return Law(
-        horizontal=_axis(
-            (noise[:, None] + level).reshape(-1, *base.shape),
-            base_drift * len(forces) + base_force,
-            motion[base_sway],
-            shapes.gyro,
-            trace,
-            walk,
-            seconds,
-        ),
-        vertical=_axis(noise[:, :COUNT, :COUNT], yaw_drift, turning[base_yaw], shapes.gyro, None, walk, seconds),
-        drift=base_drift,
-        sway=np.array([tilt for tilt, _ in sways])[base_sway],
-        force=forces[base_force],
-        log_prior=_log_prior((some, FORCE), base_drift, (base_sway, base_force)),
+    drift, sway, force = _paired(len(sways), forces, known=known)
+    yaw_drift, yaw, _ = _paired(len(yaws), 1, known=known)
+    some = SWAY if forces > 1 else SWAY_UNSEEN
+    return _Moves(
+        drift=drift,
+        force=force,
+        sway=np.array([tilt for tilt, _ in sways])[sway],
+        motion=motion[sway],
+        log_prior=_log_prior((some, FORCE), drift, (sway, force)),
         yaw_drift=yaw_drift,
-        yaw_log_prior=_log_prior((YAW,), yaw_drift, (base_yaw,)),
-        shapes=shapes,
-        bias=scale,
+        turning=turning[yaw],
+        yaw_log_prior=_log_prior((YAW,), yaw_drift, (yaw,)),
     )
 
 
@@ -240,9 +265,11 @@ def _drifting(gyro: TriadErrors, seconds: float, factor: float) -> TriadErrors:
     return replace(gyro, white=0.0, quantisation=0.0, turn_on_bias=0.0, flicker=flicker)
 
 
-@lru_cache(maxsize=64)
-def _drift(drifting: TriadErrors, seconds: float, *, accel: bool) -> Array:
-    return _blocked(NoiseLaw(drifting), seconds, accel=accel)
+@lru_cache(maxsize=16)
+def _drifts(gyro: TriadErrors, seconds: float, *, accel: bool) -> Array:
+    """Covariances of the in-run drift at every scale, (drifts, d, d)."""
+    each = [factor**2 * _blocked(NoiseLaw(_drifting(gyro, seconds, factor)), seconds, accel=accel) for factor in DRIFTS]
+    return np.array(each)
 
 
 def _blocked(noise: NoiseLaw, seconds: float, *, accel: bool) -> Array:

@@ -174,7 +174,7 @@ def _conclude(
         bounds.append(upright.max(axis=2)[known.drift] + one.log_h - np.log(least) + one.log_prior)
     flat = np.concatenate([bound.ravel() for bound in bounds])
     first = np.cumsum([0, *(bound.size for bound in bounds)])
-    order = np.argsort(-flat)
+    order = np.argpartition(-flat, min(FEW, len(flat) - 1))
     pieces: list[Piece] = []
     ceiling = -np.inf
     for some in (order[:FEW], order[FEW:]):
@@ -196,28 +196,31 @@ def _conclude(
     weight: list[Array] = []
     centre: list[Array] = []
     kappa: list[Array] = []
-    parts: list[Array] = []
+    told: Array = np.zeros(18)
+    large = scales.biases > BEYOND * unit_bias(sensor)
     for piece in pieces:
         one = found[piece.number]
-        known = one.law
-        h, k = np.nonzero(piece.log_weight > ceiling - FAR)
-        b, s, rate, info = piece.base[h], piece.shape[h], piece.rate[:, h], piece.info[h]
-        weight.append(np.exp(piece.log_weight[h, k] - ceiling))
-        centre.append(heading_of_rate(rate.T))
-        kappa.append(piece.concentration[h, k])
+        known, b, s, rate, far = one.law, piece.base, piece.shape, piece.rate, piece.log_weight <= ceiling - FAR
+        w = np.where(far, 0.0, np.exp(piece.log_weight - ceiling))
+        weight.append(w[~far])
+        centre.append(np.repeat(heading_of_rate(rate.T), np.count_nonzero(~far, axis=1)))
+        kappa.append(piece.concentration[~far])
+        # Sums of what depends on hypothesis and scale of the bias, then of what depends on the hypothesis alone.
+        lasting = np.log(np.hypot(scales.biases, known.shapes.lasting[:, None]) / unit_bias(sensor))
+        faulty = known.shapes.settles & (known.shapes.size > 1.3 * BEYOND * known.bias)
+        each = w.sum(axis=1)
         kinds = np.array(known.shapes.kind)[s]
-        row = [np.log(np.hypot(scales.biases[k], known.shapes.lasting[s]) / unit_bias(sensor))]
-        row += [np.log(np.array(DRIFTS)[known.drift[b]])]
-        row += [np.full(len(b), np.log(one.white)), known.sway[b] > 0]
+        row = [np.log(np.array(DRIFTS))[known.drift[b]], np.full(len(b), np.log(one.white)), known.sway[b] > 0]
         row += [kinds == "tilt", kinds == "settling", kinds == "walk", known.force[b] > 0]
-        row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2, levels[piece.number][b]]
-        beyond = (scales.biases[k] > BEYOND * unit_bias(sensor)) | (
-            known.shapes.settles[s] & (known.shapes.size[s] > 1.3 * BEYOND * known.bias)
-        )
-        parts.append(np.stack([*row, np.full(len(b), one.tones), np.full(len(b), one.masked_s), beyond]))
+        row += [rate[0], rate[1], 1 / piece.info, rate[0] ** 2, rate[1] ** 2, levels[piece.number][b]]
+        total, mean = float(each.sum()), np.stack(row) @ each
+        constants = w.sum(axis=0) @ bias + total * constant
+        beyond = each @ faulty[s] + w.sum(axis=0, where=~faulty[s][:, None]) @ large
+        own = [np.sum(w * lasting[s]), *mean[:9], constants, *mean[9:]]
+        told += [*own, total * one.tones, total * one.masked_s, beyond]
     w = np.concatenate(weight)
+    told /= w.sum()
     w /= w.sum()
-    told = np.concatenate(parts, axis=1) @ w
     density = mixture(np.concatenate(centre), np.concatenate(kappa), w)
     x, y, constant_variance, noise_variance, x_square, y_square, levelling = map(float, told[8:15])
     spread = max((x_square + y_square - x**2 - y**2) / 2, 0.0)

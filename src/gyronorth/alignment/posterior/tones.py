@@ -159,17 +159,19 @@ def explained_by(
     variance = np.full(n, white**2 * rate_hz)
     if masked is not None:
         variance[masked] += BUMP_RATE**2
-    block = np.repeat(np.eye(COUNT), n // COUNT, axis=0) / np.sqrt(variance)[:, None]
+    size = n // COUNT
     seen = fine_l / np.sqrt(variance)[:, None]
-    information, product = block.T @ block, block.T @ seen
+    information = np.diag((1 / variance).reshape(COUNT, size).sum(axis=1))
+    product = (fine_l / variance[:, None]).reshape(COUNT, size, 3).sum(axis=1)
     square, log_det = float(np.sum(seen**2)), float(np.sum(np.log(variance)))
     if frequencies:
         phase = 2 * np.pi * (np.arange(n)[:, None] + 0.5) / rate_hz * np.array(frequencies)
         # Rates are means over a sample: a tone is damped by its sinc.
-        size = TONE_RATE / np.sqrt(2) * np.tile(np.sinc(np.array(frequencies) / rate_hz), 2)
-        tone = np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * size / np.sqrt(variance)[:, None]
+        damped = TONE_RATE / np.sqrt(2) * np.tile(np.sinc(np.array(frequencies) / rate_hz), 2)
+        tone = np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * damped / np.sqrt(variance)[:, None]
         inner = np.eye(tone.shape[1]) + tone.T @ tone
-        both = tone.T @ np.concatenate([block, seen], axis=1)
+        blocked = (tone / np.sqrt(variance)[:, None]).reshape(COUNT, size, -1).sum(axis=1)
+        both = np.concatenate([blocked.T, tone.T @ seen], axis=1)
         solved = np.asarray(np.linalg.solve(inner, both), dtype=float)
         information -= both[:, :COUNT].T @ solved[:, :COUNT]
         product -= both[:, :COUNT].T @ solved[:, COUNT:]
