@@ -70,7 +70,7 @@ def reading_file(path: Path, *, doing: str = "reading") -> Iterator[Callable[[fl
 
 @contextmanager
 def recordings_done(total: int) -> Iterator[Callable[[str], None]]:
-    """A bar of how many recordings are done, with their rate and the time that remains; call it with the name of each."""
+    """A bar of how many recordings are done, with their rate and the time that remains; call it with each name."""
     if not _displayed():
         yield lambda _name: None
         return

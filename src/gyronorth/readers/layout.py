@@ -16,7 +16,7 @@ from pathlib import Path
 from gyronorth.errors import InputError
 from gyronorth.readers.fields import is_number, split
 from gyronorth.readers.spellings import counts_in, is_unit
-from gyronorth.readers.text import LONGEST_LINE
+from gyronorth.readers.text_head import LONGEST_LINE
 from gyronorth.readers.times import time_text
 
 #: Bytes at the start that are looked at, bytes at the end, and lines of rows that are compared.
