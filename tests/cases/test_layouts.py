@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from cases.field_layouts import FIELD
 from cases.layouts import DPS, LAYOUTS
 from cases.more_layouts import MORE
 from cases.running import followed, info
@@ -13,7 +14,7 @@ from numpy.testing import assert_allclose
 
 from gyronorth.earth import STANDARD_GRAVITY
 
-ALL = [*LAYOUTS, *MORE]
+ALL = [*LAYOUTS, *MORE, *FIELD]
 
 
 @pytest.mark.parametrize("layout", ALL, ids=lambda layout: layout.name)

@@ -85,15 +85,24 @@ def test_some_thirty_samples_lost_at_random_leave_the_rate(rows, share, jitter):
         assert abs(1 / interval / 600 - 1) < 1e-3
 
 
-@pytest.mark.parametrize(("rate_hz", "tick", "told"), [(128, 0.016, False), (104, 0.02, False), (125, 0.016, True)])
-def test_ticks_of_two_rows_and_now_and_then_three_hide_the_rate_behind_losses(rate_hz, tick, told):
-    """128 Hz lies 2.4 % beyond two rows in 16 ms, which losses of a few per cent cover; 125 Hz is two, never three."""
+@pytest.mark.parametrize(("rate_hz", "tick"), [(125, 0.016), (62.5, 0.005), (125, 1 / 64), (104, 0.016)])
+def test_how_rows_come_together_on_ticks_tells_the_rate_behind_losses(rate_hz, tick):
     rng = np.random.default_rng(3)
     for _ in range(5):
         time = (np.arange(4000) / rate_hz + rng.uniform(0, 1))[rng.random(4000) >= 0.08]
         interval = measure(np.diff(np.floor(time / tick + 1e-9) * tick), unit=1.0)
-        assert interval is not None
-        assert (abs(interval * rate_hz - 1) < 1e-3) if told else np.isnan(interval)
+        assert interval == pytest.approx(1 / rate_hz, rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_losses_at_random_among_stamps_on_ticks_give_the_rate_or_a_refusal(seed):
+    rng = np.random.default_rng(seed)
+    rate_hz, tick = rng.choice([128, 125, 104, 64, 62.5]), rng.choice([0.016, 0.01, 1 / 64, 0.008, 0.005])
+    rows = int(rng.choice([2000, 6000]))
+    time = (np.arange(rows) / rate_hz + rng.uniform(0, tick))[rng.random(rows) >= rng.uniform(0.02, 0.08)]
+    interval = measure(np.diff(np.floor(time / tick + 1e-9) * tick), unit=1.0)
+    assert interval is not None
+    assert np.isnan(interval) or abs(interval * rate_hz - 1) < 1e-3
 
 
 @pytest.mark.parametrize("batch", [None, 1, 50, 999])

@@ -123,3 +123,24 @@ def test_an_unknown_format_lists_those_there_are(tmp_path):
     path.write_text("t,w_x\n")
     with pytest.raises(InputError, match="csv, psins"):
         read(path, format="word")
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "says"),
+    [
+        ("a.xls", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "libreoffice --headless --convert-to xlsx a.xls"),
+        ("a.tdms", b"TDSm\x0e\0\0\0", "npTDMS"),
+        ("a.nc", b"CDF\x01\0\0\0\0", "nccopy -k nc4 a.nc imu.nc"),
+        ("a.db", b"SQLite format 3\0", "sqlite3 -header -csv a.db"),
+        ("a.ulg", b"ULog\x01\x12\x35", "ulog2csv -m sensor_combined a.ulg"),
+        ("a.bin", b"\xa3\x95\x80\x80", "mavlogdump.py --types IMU"),
+        ("a.csv", b"%PDF-1.7", "a PDF"),
+        ("a.tar", b"a".ljust(257, b"\0") + b"ustar", "tar xf a.tar"),
+    ],
+)
+def test_formats_that_are_known_and_not_read_are_named_with_a_cure(tmp_path, name, head, says):
+    (tmp_path / name).write_bytes(head + bytes(600))
+    with pytest.raises(InputError) as refused:
+        read(tmp_path / name)
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.arrays import median
+from gyronorth.readers.ticks import of_ticks
 
 #: Intervals from one stamp to the next beyond which it is absurd: no recording has so many samples.
 ABSURD = 1e12
@@ -189,6 +190,9 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     usual = np.abs(step - middle) <= USUAL * middle
     interval, clear = _in_phase(step, float(step[usual].mean()) if usual.any() else middle)
     found = _refined(step, interval, unit)
+    ticked = of_ticks(step)
+    if ticked is not None:
+        return ticked
     common, width = usual.mean() >= LEAST_USUAL, len(step)
     if common:
         if clear and found.flat and (found.moves < ENOUGH_MOVES or _is_lossy(step, found, unit)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 
 import h5py
 import numpy as np
@@ -141,3 +142,56 @@ def test_structs_agree_with_scipy(tree, compressed):
             assert not found[path].numeric
 
     walk("", tree)
+
+
+def element(kind, data):
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def mcos(name, kind):
+    """An object as MATLAB saves it: flags, name, system and class; what is in it stands elsewhere."""
+    parts = element(6, struct.pack("<II", 17, 0)) + element(1, name) + element(1, b"MCOS") + element(1, kind)
+    return element(
+        14, parts + element(14, element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 0, 0)))
+    )
+
+
+@pytest.mark.parametrize(
+    ("kinds", "cure"),
+    [
+        ((b"timetable",), "writetimetable(gyro, 'imu.csv')"),
+        ((b"timetable", b"timetable"), "writetimetable(synchronize(gyro, accel, 'first', 'linear'), 'imu.csv')"),
+        ((b"table",), "writetable(gyro, 'imu.csv')"),
+        ((b"timeseries",), "data = gyro.Data"),
+        ((b"Odometry",), "put what is in it into matrices"),
+    ],
+)
+def test_objects_of_matlab_are_named_with_what_to_do_there(tmp_path, kinds, cure):
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path = tmp_path / "rec.mat"
+    path.write_bytes(head + b"".join(mcos(name, kind) for name, kind in zip((b"gyro", b"accel"), kinds, strict=False)))
+    with pytest.raises(InputError) as refused:
+        read(path)
+    assert f"rec.mat holds gyro ({kinds[0].decode()})" in str(refused.value)
+    assert cure in str(refused.value)
+
+
+def test_what_version_7_3_keeps_of_objects_without_names_is_never_read(tmp_path):
+    with h5py.File(tmp_path / "rec.mat", "w", userblock_size=512) as file:
+        table = file.create_dataset("imu", data=np.zeros((1, 6), dtype=np.uint32))
+        table.attrs["MATLAB_class"], table.attrs["MATLAB_object_decode"] = np.bytes_(b"table"), np.int32(3)
+        file["#refs#/a"], file["#refs#/b"] = GYRO, TIME
+    with pytest.raises(InputError, match=r"writetable\(imu, 'imu.csv'\)"):
+        read(tmp_path / "rec.mat")
+
+
+def test_units_in_attributes_of_hdf5_are_stated(tmp_path):
+    with h5py.File(tmp_path / "rec.h5", "w") as file:
+        arrays = (
+            ("time", TIME, "seconds since 1970-01-01"),
+            ("gyro", np.degrees(GYRO), "deg/s"),
+            ("acc", ACCEL, "m s-2"),
+        )
+        for name, values, unit in arrays:
+            file.create_dataset(f"imu/{name}", data=values).attrs["units"] = unit
+    check(read(tmp_path / "rec.h5", axes="frd"))
