@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,20 @@ def test_floors_are_ten_at_most():
     contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]
     assert contract["type"] == "layers"
     assert len(contract["layers"]) <= 10
+
+
+#: What is asked of a method and of a decoder of frames: both public, each in a room of its own.
+SHARED = {"Options"}
+
+
+def test_no_class_shares_its_name_with_another():
+    names = Counter(
+        node.name
+        for path in SOURCES
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert {name for name, count in names.items() if count > 1} <= SHARED
 
 
 def test_sizes():

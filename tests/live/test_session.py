@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_stream import HEAD, RATE_HZ, Played, rows_in, seconds, session_of, timed_rows
-from still import HEADING
+from still import HEADING, LATITUDE, TITLES
 
 import gyronorth as gn
 from gyronorth.errors import InputError
@@ -513,3 +513,15 @@ def test_after_kill_9_the_file_holds_whole_rows_and_all_that_had_come(tmp_path):
     assert whole == rows[: len(whole)]
     assert len(whole) >= came - 1
     assert len(gn.read(saved).gyro_b) == len(whole)
+
+
+def test_recording_of_increments_says_that_it_holds_them(tmp_path):
+    rows = [line.split(",") for line in timed_rows(seconds(0, 20))]
+    lines = [",".join([row[0], *(repr(float(value) / RATE_HZ) for value in row[1:])]) + "\n" for row in rows]
+    reading = ReadOptions(increments="both", gyro_unit="rad/s", accel_unit="m/s2", latitude=LATITUDE)
+    session = session_of(",".join(TITLES) + "\n", lines, reading=reading, save=tmp_path / "rec.csv")
+    assert session.error is None
+    assert "# increments: both\n" in (tmp_path / "rec.csv").read_text()
+    live = session.status.measured
+    assert live is not None
+    assert gn.heading(gn.read(tmp_path / "rec.csv"), method="mean").heading == pytest.approx(live.heading, abs=1e-12)

@@ -130,7 +130,8 @@ def test_the_oldest_packages_tested_are_the_lower_bounds():
     tested = dict(pin.split("==") for pin in re.search(r"^OLDEST := (.+)$", text, re.MULTILINE)[1].split())
     extras = PROJECT["optional-dependencies"]
     bounds = dict(
-        line.split(">=") for line in (*PROJECT["dependencies"], *extras["report"], *extras["io"], *extras["learned"])
+        line.split(">=")
+        for line in (*PROJECT["dependencies"], *extras["report"], *extras["io"], *extras["learned"], *extras["r"])
     )
     del bounds["typing-extensions"]  # of the standard library's own makers, and pydantic asks for a later one
     assert tested.keys() == bounds.keys()
@@ -160,3 +161,12 @@ def test_the_changelog_keeps_its_form():
         assert set(groups) <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
     entries = re.findall(r"^- (.{40})", text, re.MULTILINE)
     assert len(set(entries)) == len(entries), "an entry stands twice"
+
+
+def test_what_the_oldest_packages_leave_out_exists():
+    text = (ROOT / "Makefile").read_text().replace("\\\n", "")
+    names = " ".join(re.findall(r"^(?:WITH_TORCH|WITH_PINS) := (.+)$", text, re.MULTILINE)).split()
+    assert len(names) > 8
+    for path, _, test in (name.partition("::") for name in names):
+        assert (ROOT / path).exists(), path
+        assert not test or f"def {test}(" in (ROOT / path).read_text(), test

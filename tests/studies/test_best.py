@@ -68,7 +68,18 @@ def test_a_network_that_says_nothing_beside_the_closed_form_has_its_error(monkey
         return batched.BatchedTraining(chosen={"validation": batched.Choice(none.float(), none, straight)})
 
     monkeypatch.setattr(batched, "train_batched", untrained)
-    unit = list(paper_best._jobs(PLAN).values())[1][0]
+    unit = list(paper_best.jobs_of(PLAN).values())[1][0]
     found = unit.function(**unit.arguments)
     for error in found["error_deg"]:
         assert_allclose(error, found["model_based_deg"], atol=1e-5)
+
+
+@pytest.mark.parametrize("selection", ["test", "last", "leak"])
+def test_another_choice_of_the_epoch_is_another_unit(monkeypatch, selection):
+    monkeypatch.setattr(paper_best, "OWN_NETWORK", merged(OWN_NETWORK, SMALL))
+    plan = StudyPlan(network_splits=1, epochs=2, selection=selection)
+    plans = (plan, StudyPlan(network_splits=1, epochs=2))
+    unit, honest = (next(iter(paper_best._jobs(one).values()))[0] for one in plans)
+    assert unit.name != honest.name
+    epochs = unit.function(**unit.arguments)["epoch"]
+    assert epochs == [2] * paper_best.MEMBERS if selection == "last" else set(epochs) <= {1, 2}

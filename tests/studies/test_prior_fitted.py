@@ -45,7 +45,7 @@ def test_the_same_recordings_are_known_and_tested_as_in_the_study_of_the_publish
     """The closed form and `learned` give what `benchmark published` has, to the last digit."""
     found = results(PLAN)
     report = study.PRIOR_FITTED.report(PLAN, found)
-    jobs = study._jobs(PLAN)
+    jobs = study.jobs_of(PLAN)
     unit = loo_units(PLAN)[2]
     expected = judge_split(**unit.arguments)
     mine = found[jobs["One recording left out"].name]["folds"][1]
@@ -66,7 +66,7 @@ def test_the_same_recordings_are_known_and_tested_as_in_the_study_of_the_publish
 
 
 def test_the_training_is_units_that_go_on_from_each_other():
-    last = study._training(StudyPlan())
+    last = study.training_of(StudyPlan())
     steps, names = [], []
     while last is not None:
         steps.append(last.arguments["step"])

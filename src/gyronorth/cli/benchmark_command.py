@@ -75,7 +75,7 @@ def benchmark(
     from gyronorth.studies.expected import Remaining
     from gyronorth.studies.expected import told as told_before
     from gyronorth.studies.source import passed_over_text
-    from gyronorth.studies.study import StudyPlan
+    from gyronorth.studies.study import SELECTIONS, StudyPlan
 
     check_drawing("gyronorth benchmark")
     values: dict[str, Any] = {
@@ -94,7 +94,8 @@ def benchmark(
     for one in chosen:
         one.recordings(plan)  # both refuse before any work
     passed_over = plan.source().get("data", {}).get("passed_over") if chosen[0].on_recordings else None
-    told = [passed_over_text(passed_over) if passed_over else "", plan.cut_short() if name == "paper" else ""]
+    told = [passed_over_text(passed_over) if passed_over else ""]
+    told += [SELECTIONS[plan.selection], plan.cut_short()] if name == "paper" else []
     for line in filter(None, told):
         typer.echo(line.replace("**", ""), err=True)
     if name == "paper":

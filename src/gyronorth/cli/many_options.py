@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from gyronorth.many.sources import Item
-    from gyronorth.many.table import Table
+    from gyronorth.many.table import TableWriter
 
 #: Panel of the help text.
 MANY = "Many recordings"
@@ -106,7 +106,7 @@ class Place:
 
 
 @contextmanager
-def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) -> Iterator[Table]:
+def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) -> Iterator[TableWriter]:
     """The table that is kept; an interruption tells how to go on."""
     from gyronorth.many.table import table
 

@@ -120,6 +120,8 @@ class Protocol:
     #: Whether frames of a layout are lines whose fields are counted from the end: `fields` takes those of all lengths
     #: at once, with commas in front.
     lines: Callable[[int], bool] = lambda _layout: False
+    #: What a frame that is not read is called by the unit's manual, for messages.
+    message: Callable[[Bytes], str] = lambda _row: "other frames"
     #: CR and LF between frames belong to them.
     line_ends: bool = False
 

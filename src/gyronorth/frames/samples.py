@@ -120,3 +120,4 @@ class Report:
     saturated: int  # samples that the unit marks so
     sensor_fault: int
     findings: tuple[Finding, ...]  # assumptions and conflicts
+    messages: tuple[str, ...]  # what whole frames without inertial data were called, while no sample had come

@@ -1,7 +1,11 @@
-"""Frames of one stream to samples: which layout is taken, its scale, its rate, what is lost."""
+"""Frames of one stream to samples: which layout is taken, its scale, its rate, what is lost.
+
+Longer than 400 lines: it is one state machine, whose settings and samples are read together.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,6 +19,7 @@ from gyronorth.frames.clock import Numbering, rate_of_clock, rate_of_spans, stri
 from gyronorth.frames.forces import LATE_FORCE, ForceTrack
 from gyronorth.frames.framing import Framer, Frames, joined, split
 from gyronorth.frames.merging import covered, fields_of, first_of
+from gyronorth.frames.others import names_of
 from gyronorth.frames.protocol import Bytes, Fields, Options, Scale
 from gyronorth.frames.rates import RATE_CONFLICT, USUAL, findings_of_rates
 from gyronorth.frames.registry import protocol_of
@@ -22,11 +27,11 @@ from gyronorth.frames.samples import Kind, Report, Samples, held, to_next, usabl
 from gyronorth.frames.samples import joined as samples_joined
 from gyronorth.frames.spacing import Spacing
 
-#: Frames that are looked at before the first sample is given, for layout, rate and ranges; those with rate alone longer,
-#: as specific force may come far less often.
+#: Frames that are looked at before the first sample is given, for layout, rate and ranges; more of those with rate
+#: alone, as specific force may come far less often.
 HELD, HELD_FOR_FORCE = 64, 512
-#: Settings of the unit that are remembered.
-KINDS = 8
+#: Settings of the unit that are remembered, and findings of one kind.
+KINDS, TOLD = 8, 3
 #: Frames of one layout that must be there before it is taken: a false frame comes alone.
 CONFIRMED = 3
 #: Of frames that hold different data, what this share of them holds is read. Data at half the rate are in half of them.
@@ -85,6 +90,7 @@ class FrameStream:
         self._settings = 0
         self.changed_at = 0  # byte of the stream from which on the latest setting holds
         self._kinds: tuple[Kind, ...] = ()
+        self._messages: Counter[str] = Counter()  # of frames without inertial data, while there are no others
         self._samples = self._other = self._unusable = self._saturated = self._fault = 0
 
     def feed(self, piece: bytes) -> Samples | None:
@@ -134,6 +140,7 @@ class FrameStream:
             saturated=self._saturated,
             sensor_fault=self._fault,
             findings=self._findings,
+            messages=tuple(self._messages),
         )
 
     def _take(self, frames: Frames, *, last: bool) -> Samples | None:
@@ -143,21 +150,34 @@ class FrameStream:
             if self._layout is None:
                 self._held.append(rest)
                 self._data_held += int((rest.layout >= 0).sum())
+                rest = joined(self._held)
+                if not self._data_held:
+                    self._pass_over(rest)
+                    break
                 if self._data_held < HELD and not last:
                     break
-                rest = joined(self._held)
                 if not last and self._data_held < HELD_FOR_FORCE and self._forces.open(rest):
                     self._held = [rest]
                     break
                 self._held, self._data_held = [], 0
                 if not self._settle(rest):
-                    self._other += len(rest)
+                    self._pass_over(rest)
                     break
             samples, rest = self._up_to_change(rest)
             parts += [] if samples is None else [samples]
         left = self._forces.end() if last else None
         parts += [] if left is None else [left]
         return samples_joined(parts) if parts else None
+
+    def _pass_over(self, frames: Frames) -> None:
+        """Frames before the first ones with inertial data; of configurations the last one is kept."""
+        self._held, self._data_held = [], 0
+        facts = np.flatnonzero(frames.layout < -1)[-1:]
+        if len(facts):
+            self._facts = [frames.rows(facts)]
+        self._other += len(frames)
+        if not self._samples:
+            self._messages += names_of(self._protocol, frames)
 
     def _up_to_change(self, frames: Frames) -> tuple[Samples | None, Frames | None]:
         """Samples up to where the unit was reset, and the frames from there on, for which all is settled again."""
@@ -225,8 +245,8 @@ class FrameStream:
         return bool(stated and self._rate and abs(stated / self._rate - 1) > RATE_CONFLICT)
 
     def _tell(self, finding: Finding) -> None:
-        """Say it once, however often it comes."""
-        if finding not in self._findings:
+        """Say it once, however often it comes, and of a kind no more than is read."""
+        if finding not in self._findings and [each.code for each in self._findings].count(finding.code) < TOLD:
             self._findings += (finding,)
 
     def _ours(self, frames: Frames) -> Mask:

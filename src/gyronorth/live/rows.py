@@ -85,7 +85,7 @@ class RowBatch:
 
 
 @dataclass(frozen=True)
-class Tally:
+class StreamTally:
     """Counts of the input, and of what could not be used."""
 
     lines: int = 0  # lines or frames that should have been rows, good and bad

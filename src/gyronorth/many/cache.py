@@ -27,12 +27,9 @@ def private_folder() -> Generator[Path]:
     with temporary_files_told():
         sweep()
         folder = tempfile.TemporaryDirectory(prefix=PREFIX)
-    with folder as name:
-        with temporary_files_told():
-            held = Path(name, HELD).open("w")
-        with held:
-            _lock(held)
-            yield Path(name)
+    with folder as name, Path(name, HELD).open("w") as held:
+        _lock(held)
+        yield Path(name)
 
 
 def room_for(size: int, folder: Path, what: str) -> None:

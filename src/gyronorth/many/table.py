@@ -34,7 +34,7 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 Row = tuple[str, ...]
 
 
-class Table:
+class TableWriter:
     """Rows of a table that is being made; use `table`."""
 
     def __init__(self, path: Path, settings: str, columns: Sequence[str], journal: TextIO | None) -> None:
@@ -121,7 +121,7 @@ def write_table(path: Path, settings: str, outcomes: Sequence[Outcome]) -> None:
     """
     if _is_parquet(path):
         _arrow(path)
-    made = Table(path, settings, HEADINGS, None)
+    made = TableWriter(path, settings, HEADINGS, None)
     for outcome in outcomes:
         made.add([outcome])
     made.finish([outcome.file for outcome in outcomes])
@@ -141,7 +141,9 @@ def is_table(path: Path) -> bool:
 
 
 @contextmanager
-def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[str] = HEADINGS) -> Iterator[Table]:
+def table(
+    path: Path, settings: str, *, resume: bool = False, columns: Sequence[str] = HEADINGS
+) -> Iterator[TableWriter]:
     """A table to be made at `path`, .parquet or CSV; the partial file goes when the block ends well.
 
     Parameters
@@ -166,7 +168,7 @@ def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[
     if path.exists() and not path.is_file():  # a device or a pipe
         if resume:
             raise InputError(f"{path} is no file: there is nothing in it to go on with. Leave --resume out.")
-        yield Table(path, settings, columns, None)
+        yield TableWriter(path, settings, columns, None)
         return
     partial = path.with_name(f"{path.name}.partial")
     made = not partial.exists()
@@ -181,7 +183,7 @@ def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[
                 f"{partial} holds rows of a run that was not finished. Give --resume to go on with it, or remove it."
             )
         try:
-            found = Table(path, settings, columns, journal)
+            found = TableWriter(path, settings, columns, journal)
             _begin(found, path, partial, journal, resume=resume)
         except BaseException as error:
             if made:
@@ -205,7 +207,7 @@ def _closed_at_last(journal: TextIO) -> Iterator[None]:
     journal.close()
 
 
-def _begin(found: Table, path: Path, partial: Path, journal: TextIO, *, resume: bool) -> None:
+def _begin(found: TableWriter, path: Path, partial: Path, journal: TextIO, *, resume: bool) -> None:
     """Take the rows that are there, cut off one that was not written whole, write the header."""
     rows, end = _read_csv(partial, found.columns, torn=True)
     journal.truncate(end)

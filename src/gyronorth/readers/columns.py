@@ -84,7 +84,8 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
         and options.accel_file is None
         and not any(name in {**columns, **declared} for name in FORCES)
     ):
-        questions += _unnamed_force(layout, parts, columns | declared)
+        named, asked = _unnamed_force(layout, parts, columns | declared)
+        columns, questions = columns | named, questions + asked
     if TIME not in declared and TIME not in columns:
         exact = [title for title in OUR_TITLES[TIME] if titles.count(title) == 1]
         position = titles.index(exact[0]) if exact and titles.index(exact[0]) not in _taken(columns, titles) else None
@@ -143,7 +144,9 @@ def told(columns: Mapping[str, int], titles: Sequence[str], units: Mapping[str, 
     return ", ".join([*parts, f"clock: {clock}" if clock else "no clock"])
 
 
-def _unnamed_force(layout: TextLayout, parts: Sequence[Title], columns: Mapping[str, str | int]) -> list[Question]:
+def _unnamed_force(
+    layout: TextLayout, parts: Sequence[Title], columns: Mapping[str, str | int]
+) -> tuple[dict[str, str | int], list[Question]]:
     """Three columns side by side that feel gravity, though no title says so; none where no or several ones do."""
     titles = layout.titles
     taken = _taken(columns, titles)
@@ -151,14 +154,13 @@ def _unnamed_force(layout: TextLayout, parts: Sequence[Title], columns: Mapping[
     found = []
     for i in (i for i in free if i + 1 in free and i + 2 in free):
         values = np.column_stack([numbers(layout, position) for position in (i, i + 1, i + 2)])
-        moves = len(values) > 1 and np.isfinite(values).all() and (np.ptp(values, axis=0) > 0).any()
-        if moves and accel_fits(values, None) and _steady(values):
+        if is_gravity(values):
             found.append(i)
     if len(found) != 1:
-        return []
-    named = {ours: _name(found[0] + k, titles) for k, ours in enumerate(FORCES)}
+        return {}, []
+    named: dict[str, str | int] = {ours: _name(found[0] + k, titles) for k, ours in enumerate(FORCES)}
     says = f"{label(titles[found[0]], titles[found[0] + 2])} are like the specific force, and no title says so."
-    return [Question(says, ("--columns", columns_text({**columns, **named})), certain=False)]
+    return named, [Question(says, ("--columns", columns_text({**columns, **named})), certain=False)]
 
 
 def _along(triple: Triple, axes: str | None) -> Triple:
@@ -236,6 +238,12 @@ def _taken(columns: Mapping[str, str | int], titles: Sequence[str]) -> list[int 
 
 def _agreed(units: Sequence[str | None]) -> str | None:
     return units[0] if units and len(set(units)) == 1 else None
+
+
+def is_gravity(values: np.ndarray) -> bool:
+    """Whether three columns, shape (n, 3), feel gravity at rest: of a steady norm that is gravity in some unit."""
+    moves = len(values) > 1 and np.isfinite(values).all() and (np.ptp(values, axis=0) > 0).any()
+    return bool(moves and accel_fits(values, None) and _steady(values))
 
 
 def _steady(values: np.ndarray) -> bool:

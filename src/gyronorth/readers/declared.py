@@ -85,7 +85,7 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
     """
     stated, usual, name = source.stated, source.usual, source.name
     if source.decoded:
-        options = replace(options, gyro_unit=None, accel_unit=None, increments=None)
+        options = replace(options, gyro_unit=None, accel_unit=None, gyro_scale=None, accel_scale=None, increments=None)
         if source.usual.rate_hz or (source.clock is not None and source.clock.unit is not None):
             options = replace(options, rate_hz=None)  # the frames have settled it, and told of a conflict
     has_accel = FORCES[0] in source.columns
@@ -123,8 +123,8 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
         mat_vf=None if np.array_equal(turned, np.eye(3)) else turned,
         latitude=agreed_latitude(options.latitude, source.stated.latitude, source.name),
         heading_true=heading_true,
-        gyro_scale=1.0 if options.gyro_scale is None else options.gyro_scale,
-        accel_scale=1.0 if options.accel_scale is None else options.accel_scale,
+        gyro_scale=options.gyro_scale or usual.gyro_scale or 1.0,
+        accel_scale=options.accel_scale or usual.accel_scale or 1.0,
         increment_interval=options.increment_interval,
     )
 

@@ -18,6 +18,7 @@ from gyronorth.readers.archive import MAGIC as ZIP
 from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, members_of, split_path, unzipped
 from gyronorth.readers.bag_folder import METADATA, is_bag_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
+from gyronorth.readers.foreign import foreign
 from gyronorth.readers.format import LOOK, Format
 from gyronorth.readers.joining import joined
 from gyronorth.readers.library import pickled
@@ -158,13 +159,17 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0, packed: int | None
             return _held(unpacked(path, suffix), path.name, options, depth, packed or path.stat().st_size)
         if head.startswith(ZIP) and _is_archive(path, options):
             return _unzipped(path, None, options, depth, packed)
-        _refuse_pickles(path, head)
+        _refuse_unread(path, head, options)
         if (rewritten := _rewriter(path, options)) is not None:
             return _held(rewritten(path), path.name, options, depth, packed)
     return _by_format(path, options, packed)
 
 
-def _refuse_pickles(path: Path, head: bytes) -> None:
+def _refuse_unread(path: Path, head: bytes, options: ReadOptions) -> None:
+    """Refuse pickles, and formats of which it is known that they are not read."""
+    undeclared = options.format is None and FORMATS.suffixes.get(path.suffix.lower(), "csv") == "csv"
+    if undeclared and (says := foreign(head, path.name)):
+        raise InputError(says)
     if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
         raise InputError(pickled(path.name))
 
@@ -210,6 +215,10 @@ def _by_format(path: Path, options: ReadOptions, packed: int | None = None) -> S
         raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
     if options.columns and not info.takes_columns:
         raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
+    if name == "csv" and not options.columns and _head(path, 3).startswith((b"$VN", b"#AP")):
+        from gyronorth.readers.formats.frames import refuse_others
+
+        refuse_others(path)
     return _read(FORMATS[name], path, options, packed)
 
 

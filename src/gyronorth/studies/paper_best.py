@@ -17,12 +17,12 @@ from gyronorth.studies.paper_augmentation import HOW, LIMIT, limit_of_splits
 from gyronorth.studies.paper_table_2 import without_network
 from gyronorth.studies.published_splits import split_units
 from gyronorth.studies.source import recordings_of
-from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, verdict
+from gyronorth.studies.study import Selection, Study, StudyPlan
+from gyronorth.studies.tables import StudyReport, Table, verdict
 from gyronorth.studies.work import Job, Result
 
 #: Networks of an ensemble: other first weights, order, dropout and redrawn noise.
-MEMBERS = 4
+MEMBERS = 3
 #: Splits at most: each trains the members twice.
 SPLITS = 6
 #: Epochs of each training, the decay of the rate fitted to them.
@@ -35,7 +35,15 @@ NETWORKS = {
 ENSEMBLE = f"mean of {MEMBERS}"
 
 
-def best_unit(*, settings: dict, split: dict, residual: bool, seed: int, data: dict | None = None) -> Result:
+def best_unit(
+    *,
+    settings: dict,
+    split: dict,
+    residual: bool,
+    seed: int,
+    data: dict | None = None,
+    selection: Selection = "validation",
+) -> Result:
     """Train the members of an ensemble on one split; the error of each on the tests, deg."""
     from gyronorth.alignment.networks.runtime import decode
     from gyronorth.learn.batched import residuals, train_batched
@@ -43,13 +51,13 @@ def best_unit(*, settings: dict, split: dict, residual: bool, seed: int, data: d
     from gyronorth.learn.stages import heading_parts
 
     own = [Settings.model_validate({**settings, "seed": settings["seed"] + k}) for k in range(MEMBERS)]
-    parts = split_data(split, recordings_of(seed, data), own[0])
+    parts = split_data(split, recordings_of(seed, data), own[0], leak=selection == "leak")
     prepared = [heading_parts(one, parts, None) for one in own]
     test = parts.test
     assert test is not None
     closed_form = angle_error(model_based(test.gyro_l), test.heading)
     trained = train_batched(own, [residuals(one) for one in prepared] if residual else prepared)
-    kept = trained.chosen["validation"]
+    kept = trained.chosen["validation" if selection == "leak" else selection]
     wanted = -closed_form if residual else test.heading
     heading = [decode(raw.double().numpy(), own[0].heading.output) for raw in kept.test]
     return {
@@ -64,7 +72,7 @@ def _splits(plan: StudyPlan) -> int:
     return min(plan.network_splits, SPLITS)
 
 
-def _jobs(plan: StudyPlan) -> dict[str, list[Job]]:
+def jobs_of(plan: StudyPlan) -> dict[str, list[Job]]:
     """A unit for each split."""
     jobs: dict[str, list[Job]] = {}
     variant = merged(OWN_NETWORK, {"heading": {"epochs": EPOCHS}})
@@ -72,13 +80,15 @@ def _jobs(plan: StudyPlan) -> dict[str, list[Job]]:
         for i, split in enumerate(splits_of(plan, _splits(plan))):
             settings = heading_settings(variant, plan, seed=plan.seed + MEMBERS * i)
             arguments = {"settings": settings, "split": split_json(split), "residual": residual, **plan.source()}
+            if plan.selection != "validation":
+                arguments["selection"] = plan.selection
             jobs.setdefault(label, []).append(Job(f"best/{digest(arguments)}", best_unit, arguments))
     return jobs
 
 
 def _units(plan: StudyPlan) -> list[Job]:
     others = split_units(plan)[: _splits(plan)]
-    return [*others, *(job for jobs in _jobs(plan).values() for job in jobs)]
+    return [*others, *(job for jobs in jobs_of(plan).values() for job in jobs)]
 
 
 def _single(found: list[Result]) -> Pooled:
@@ -99,10 +109,10 @@ def _together(found: list[Result]) -> Pooled:
     )
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     others = [results[unit.name] for unit in split_units(plan)[: _splits(plan)]]
     found = {MODEL_BASED: without_network(others, MODEL_BASED)}
-    for label, jobs in _jobs(plan).items():
+    for label, jobs in jobs_of(plan).items():
         mine = [results[job.name] for job in jobs]
         found |= {label: _single(mine), f"{label}, {ENSEMBLE}": _together(mine)}
     found[LEARNED] = without_network(others, LEARNED)
@@ -129,7 +139,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         "for the error of the closed form, it need not learn to find north, but the deviation alone, which is all "
         f"that *{LEARNED}* learns. {HOW}"
     )
-    return Report(text, (Table("Networks at their best", columns, tuple(rows), note),))
+    return StudyReport(text, (Table("Networks at their best", columns, tuple(rows), note),))
 
 
 def _row(label: str, one: Pooled, learned: Pooled, seed: int) -> tuple:

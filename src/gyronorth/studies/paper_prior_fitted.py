@@ -27,7 +27,7 @@ from gyronorth.studies.networks import digest, pack, unpack
 from gyronorth.studies.published_splits import ARCS, arc_units, loo_units, split_units
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, degrees, verdict
+from gyronorth.studies.tables import StudyReport, Table, degrees, verdict
 from gyronorth.studies.work import Job, Result
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def judge_simulated(network: Result, *, known: int, swings: int, seed: int) -> R
     return {"folds": [{"whole": fold} for fold in folds]}
 
 
-def _training(plan: StudyPlan) -> Job:
+def training_of(plan: StudyPlan) -> Job:
     """The last stage of the training, which needs the others."""
     steps = STEPS if plan.epochs is None else min(STEPS, 120 * plan.epochs)
     settings = {"seed": plan.seed, "steps": steps}
@@ -119,9 +119,9 @@ def _training(plan: StudyPlan) -> Job:
     return last
 
 
-def _jobs(plan: StudyPlan) -> dict[str, Job]:
+def jobs_of(plan: StudyPlan) -> dict[str, Job]:
     """A unit for each kind of split and each size of simulated swings, by the title of its table."""
-    training, source = _training(plan), plan.source()
+    training, source = training_of(plan), plan.source()
     kinds = {"One recording left out": loo_units(plan), f"{plan.splits} random 24/4/6 splits": split_units(plan)}
     arcs = arc_units(plan)
     kinds |= {f"Arcs of {arc} headings left out": [u for u in arcs if u.name.startswith(f"arcs{arc}/")] for arc in ARCS}
@@ -167,9 +167,11 @@ def _rows(where: str, folds: Sequence[Result], seed: int) -> list[tuple]:
     return rows
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
+    from gyronorth.learn.prior_fitted import PriorFittedSettings
+
     of_recordings, windows, simulated = [], [], []
-    for title, job in _jobs(plan).items():
+    for title, job in jobs_of(plan).items():
         folds = results[job.name]["folds"]
         if title.startswith("Simulated"):
             simulated += _rows(title, [fold["whole"] for fold in folds], plan.seed)
@@ -189,14 +191,16 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     )
     count = len(plan.recordings().heading_true)
     note = f"Within set; intervals are over the {count} recordings."
-    own = "Swings drawn from the prior that all three know; intervals are over swings."
+    own = "Swings drawn from the prior of the network and of `learned + deviation`; intervals are over swings."
     tables = (
         Table("Prior-fitted network, whole recordings", columns, tuple(of_recordings), note),
         Table(f"Prior-fitted network, windows of {WINDOW:g} s", columns, tuple(windows), note),
         Table("Prior-fitted network, simulated swings", columns, tuple(simulated), own),
     )
-    losses = results[_training(plan).name]["loss"]
-    return Report(TEXT, tables, {"loss": losses})
+    last = training_of(plan)
+    settings = PriorFittedSettings(**last.arguments["settings"])
+    shown = f"{settings.swings * settings.steps:,}".replace(",", " ")
+    return StudyReport(TEXT.replace("SHOWN", shown), tables, {"loss": results[last.name]["loss"]})
 
 
 def _floor(plan: StudyPlan, table: Table) -> str:
@@ -208,7 +212,7 @@ def _floor(plan: StudyPlan, table: Table) -> str:
 
 
 TEXT = (
-    "A network with attention, of some 31 000 weights, is shown 76 800 simulated swings: headings of 6 to 60 known "
+    "A network with attention, of some 31 000 weights, is shown SHOWN simulated swings: headings of 6 to 60 known "
     "recordings, their errors, and the surplus of their rates, drawn from the prior of `learned + deviation`: curve, "
     "coupling to the rate or neither, Student-t noise. It is trained to say mean and standard deviation of the error "
     "at other headings, and has never seen a real recording. A swing that is turned, mirrored or in another order "
@@ -219,7 +223,7 @@ PRIOR_FITTED = Study(
     "prior_fitted",
     "A prior-fitted network against the Gaussian process",
     "paper",
-    lambda plan: list(_jobs(plan).values()),
+    lambda plan: list(jobs_of(plan).values()),
     _report,
     _floor,
 )

@@ -18,7 +18,7 @@ from gyronorth.published import DURATION, LATITUDE, SESSION, fit_noise, model_ba
 from gyronorth.studies.methods import as_rad, bias_deviation, deg_per_hour
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 #: Simulated sets of each kind, and recordings tested of each.
@@ -112,7 +112,7 @@ def _row(label: str, parts: list[Result], seed: int) -> tuple:
     return label, ratio, coverage(error, sigma, group, rng=np.random.default_rng(seed), draws=1000)
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rows = [
         _row(
             f"random biases, learnt from {known} recordings",
@@ -133,7 +133,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         "taken for one of it by mistake, it is made worse, and no single recording can tell."
     )
     columns = ("case", "CRMSE, ratio to the closed form", "95 % interval holds")
-    return Report(text, (Table("Harm", columns, tuple(rows)),))
+    return StudyReport(text, (Table("Harm", columns, tuple(rows)),))
 
 
 TRANSFER = Study("harm", "No harm where nothing can be learnt", "published", _units, _report)

@@ -27,7 +27,7 @@ from gyronorth.findings import Finding
 from gyronorth.uncertainty import NORMAL_975, SIGMA_UNKNOWN, von_mises
 
 
-class Network:
+class NetworkMethod:
     """A trained heading network, with the error it had on recordings it had not seen."""
 
     def __init__(self, name: str) -> None:
@@ -113,6 +113,6 @@ def _own_error(bundle: LoadedBundle) -> tuple[Finding, ...]:
     return (Finding("deviation_applied", message),)
 
 
-def method(name: str) -> Network:
+def method(name: str) -> NetworkMethod:
     """The method of a name."""
-    return Network(name)
+    return NetworkMethod(name)

@@ -9,6 +9,7 @@ import numpy as np
 
 from gyronorth.alignment.error_budget import (
     EXCURSION_OVER_RMS,
+    MOST_SCALE,
     MOTION_ALLOWANCE,
     MOTION_ALLOWANCE_MOST,
     horizontal_earth_rate,
@@ -27,10 +28,6 @@ from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import DisturbanceFound
 from gyronorth.findings import Finding
 
-#: Turn-on bias over the profile's up to which the rate may differ from the Earth's: a mixture over scales may widen an
-#: interval, but not explain away a wrong latitude or a unit that is broken. Where only a bias far beyond the profile
-#: would explain the recording, the plain mean is judged by that.
-MOST_SCALE = 3.0
 #: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
 TOLD_SCALE, TOLD = 2.0, 0.5
 #: Probability of a bias far beyond the profile from which the plain mean is judged: the prior of such a bias is small.

@@ -3,6 +3,8 @@
 A hypothesis is a *base* (scale of the in-run drift, and a broadband motion of the platform) and a *shape* (one slow
 change beside it: a tilt that goes on or settles, a bias that settles or walks). Bases are whitened once for each
 length and sensor; shapes are a few columns on top, eliminated in closed form.
+
+Longer than 400 lines: bases, shapes and their priors make one law, and each hypothesis is read beside the others.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ SWAY, SWAY_UNSEEN = 0.08, 0.04
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning, and its share of the prior.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
 TILT_PRIOR = (0.075, 0.105, 0.149, 0.149, 0.149, 0.149, 0.149, 0.075)
-TILT, TILT_UNSEEN = 0.72, 0.04
+TILT, TILT_UNSEEN = 0.5, 0.15
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Drift of the accelerometer beyond its noise, over its constant and in-run bias: sizes of one that goes on or settles
@@ -43,8 +45,8 @@ FORCES, WANDERS, FORCE = (0.3, 1.0, 3.0, 10.0), (0.1, 0.3, 1.0), 0.12
 FORCE_TIMES = ((0.08, 0.25), (0.25, 0.8), (0.8, 100.0))
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.085, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.15, 0.3, 0.5, 0.05)
+SETTLING, SETTLING_SIZES = 0.15, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.05, 0.25, 0.6, 0.1)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.

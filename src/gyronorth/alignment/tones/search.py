@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.tones.mixture import mixture
-from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index, robust_noise
 from gyronorth.attitude import heading_of_rate
@@ -140,7 +140,7 @@ def white_of(gyro_l: Array) -> float:
 
 
 @lru_cache(maxsize=8)
-def grid_of(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> _Grid:
+def grid_of(samples: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL) -> _Grid:
     """The features of every tone and exponential for recordings of one length of one sensor."""
     duration = samples / rate_hz
     edges = np.arange(samples + 1)

@@ -18,7 +18,14 @@ from numpy.typing import ArrayLike
 from gyronorth.alignment.posterior.density import mixture
 from gyronorth.alignment.turned.model import COLUMNS, GivenTurn, heading_gradient
 from gyronorth.alignment.turned.noise import candidates, with_noise
-from gyronorth.alignment.turned.segments import Blocks, Segments, SegmentTurn, blocks_per_stretch, cut, find_segments
+from gyronorth.alignment.turned.segments import (
+    Segments,
+    SegmentTurn,
+    TurnedBlocks,
+    blocks_per_stretch,
+    cut,
+    find_segments,
+)
 from gyronorth.alignment.turned.solve import Solution, Unknowns, solve, under
 from gyronorth.alignment.turned.sway import with_sway
 from gyronorth.alignment.turned.unknowns import hypotheses
@@ -165,7 +172,7 @@ def _given_turns(turn_angles: ArrayLike | None, segments: Segments) -> tuple[Giv
 class _Case:
     """What is fitted, whatever the noise."""
 
-    blocks: Blocks
+    blocks: TurnedBlocks
     segments: Segments
     latitude: float
     given: tuple[GivenTurn, ...]
@@ -272,7 +279,7 @@ def _sigma(solution: Solution) -> float:
     return float(np.sqrt(gradient @ solution.covariance[:3, :3] @ gradient))
 
 
-def _poses(blocks: Blocks, solution: Solution, segments: Segments) -> tuple[TurnedPose, ...]:
+def _poses(blocks: TurnedBlocks, solution: Solution, segments: Segments) -> tuple[TurnedPose, ...]:
     gyro_rows = np.flatnonzero(solution.linear.kind == 0)
     residual = solution.linear.residual[gyro_rows]
     still, poses = np.flatnonzero(blocks.still), list[TurnedPose]()

@@ -86,4 +86,12 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
     )
 
 
-PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force)
+def _message(row: Bytes) -> str:
+    if tuple(row[2:4].tolist()) != _USER_DATA:
+        return f"message 0x{row[3]:02X}"
+    return (
+        f"user-defined data without rate ({', '.join(f'0x{kind:02X}' for kind in row[7 : 7 + int(row[6])].tolist())})"
+    )
+
+
+PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message)

@@ -23,6 +23,7 @@ from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Options, Prot
 from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _SENSOR_SET = 0x80
+_SETS = {0x01: "replies", 0x0C: "replies", 0x81: "GNSS", 0x82: "filter", 0x91: "GNSS", 0x92: "GNSS", 0xA0: "system"}
 _ACCEL, _GYRO, _DELTA_THETA, _DELTA_VELOCITY = 0x04, 0x05, 0x07, 0x08
 _GPS_TIME, _SHARED_GPS_TIME, _REFERENCE_TIME = 0x12, 0xD3, 0xD5
 _TEMPERATURES, _OVERRANGE = 0x14, 0x18
@@ -137,4 +138,16 @@ def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(1.0, STANDARD_GRAVITY, bool(reads & _BITS[_DELTA_THETA]), bool(reads & _BITS[_DELTA_VELOCITY]))
 
 
-PROTOCOL = Protocol("mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, force=_force)
+def _message(row: Bytes) -> str:
+    if row[2] == _SENSOR_SET:
+        blocks, _ = _parse(row) or ({}, None)
+        return "sensor data without rate" + (
+            f" ({', '.join(f'0x{name:02X}' for name in sorted(blocks))})" if blocks else ""
+        )
+    name = _SETS.get(int(row[2]))
+    return f"set 0x{row[2]:02X}" + (f" ({name})" if name else "")
+
+
+PROTOCOL = Protocol(
+    "mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, force=_force, message=_message
+)

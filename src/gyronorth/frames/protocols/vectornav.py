@@ -20,7 +20,7 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.frames.checksums import column, crc_msb, xor_8
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Protocol, at_sync
-from gyronorth.frames.protocols.text import hex_at_end, line_starts
+from gyronorth.frames.protocols.text import hex_at_end, line_starts, name_of
 
 #: Bytes of the fields by group and bit; 0: not known, or of variable length.
 _SIZES = np.array(
@@ -190,4 +190,5 @@ PROTOCOL = Protocol(
     force=_force,
     line_ends=True,
     rank=lambda layout: layout & 15,
+    message=lambda row: name_of(row) if row[0] == ord("$") else "binary output without rate",
 )

@@ -27,6 +27,12 @@ _DELTA_V, _ACCEL, _ACCEL_HR = 0x4010, 0x4020, 0x4040
 _DELTA_Q, _RATE, _RATE_HR = 0x8030, 0x8020, 0x8040
 _VECTORS = {_DELTA_V: 3, _ACCEL: 3, _ACCEL_HR: 3, _DELTA_Q: 4, _RATE: 3, _RATE_HR: 3, _TEMPERATURE: 1}
 _PLAIN = {_COUNTER: 2, _TIME: 4, _STATUS: 4}
+#: Names of blocks for messages.
+_NAMES = {
+    0x2010: "Quaternion", 0x2020: "RotationMatrix", 0x2030: "EulerAngles", _COUNTER: "PacketCounter",
+    _TIME: "SampleTimeFine", _STATUS: "StatusWord", 0x1010: "UtcTime", 0xC020: "MagneticField", _ACCEL: "Acceleration",
+    0x4030: "FreeAcceleration", 0x3010: "BaroPressure", 0x5040: "LatLon", 0xD010: "VelocityXYZ",
+}  # fmt: skip
 #: Bytes of one number by the low two bits of its identifier.
 _BYTES = (4, 4, 6, 8)
 _LONGEST, _HEAD = 2048, 6
@@ -158,6 +164,27 @@ def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(gyro_increments=bool(reads & _BITS[_DELTA_Q]), accel_increments=bool(reads & _BITS[_DELTA_V]))
 
 
+def _message(row: Bytes) -> str:
+    if row[2] != _MTDATA2:
+        return f"message 0x{row[2]:02X}"
+    at, names = 6 if row[3] == 0xFF else 4, []
+    while at + 3 <= len(row) - 1:
+        kind = int(row[at]) << 8 | int(row[at + 1]) & 0xF0
+        names.append(_NAMES.get(kind, f"0x{kind:04X}"))
+        at += 3 + int(row[at + 2])
+    return f"MTData2 with {', '.join(names)}" if names else "MTData2 without data"
+
+
 PROTOCOL = Protocol(
-    "xbus", _HEAD, _starts, _whole, _layouts, _fields, reads=_reads, force=_force, scale=_scale, weak=True
+    "xbus",
+    _HEAD,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    reads=_reads,
+    force=_force,
+    scale=_scale,
+    weak=True,
+    message=_message,
 )
