@@ -108,3 +108,10 @@ def test_other_files_are_found_however_deep_and_damage_is_told():
     assert names_other_files(outer.SerializeToString())
     with pytest.raises(DamagedOnnx):
         names_other_files(network().SerializeToString()[:-1])
+
+
+@pytest.mark.parametrize("field", [b"\0\0", b"\x08\0"])
+def test_a_file_of_fields_without_end_is_no_network(field):
+    """Walking through 50 MB of them had no bound."""
+    with pytest.raises(DamagedOnnx, match=r"without number|more than"):
+        names_other_files(field * 600_000)

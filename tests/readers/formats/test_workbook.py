@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import zipfile
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -77,3 +79,28 @@ def test_damaged_workbooks_and_other_files_are_one_message(tmp_path):
     empty.save(path)
     with pytest.raises(InputError, match="has no sheet with rows of numbers; it holds Sheet"):
         read(path)
+
+
+def test_a_sheet_that_claims_all_cells_is_read_as_what_it_holds(tmp_path):
+    """A claimed width of 16,384 columns, which all rows before the last were filled up to, went on for hours."""
+    book = openpyxl.Workbook()
+    book.active.append(("t", "w_x", "w_y", "w_z"))
+    for k in range(100):
+        book.active.append((k / 10, 1e-5, 2e-5, 3e-5))
+    book.save(tmp_path / "honest.xlsx")
+    with (
+        zipfile.ZipFile(tmp_path / "honest.xlsx") as honest,
+        zipfile.ZipFile(tmp_path / "wide.xlsx", "w", zipfile.ZIP_DEFLATED) as wide,
+    ):
+        for info in honest.infolist():
+            text = honest.read(info)
+            if info.filename.endswith("sheet1.xml"):
+                cells = "".join(
+                    f'<c r="{letter}100000"><v>{v}</v></c>'
+                    for letter, v in zip("ABCD", (10, 1e-5, 2e-5, 3e-5), strict=True)
+                )
+                text = re.sub(rb'<dimension ref="[^"]*"', b'<dimension ref="A1:XFD1048576"', text)
+                text = text.replace(b"</sheetData>", f'<row r="100000">{cells}</row></sheetData>'.encode())
+            wide.writestr(info, text)
+    found = read(tmp_path / "wide.xlsx", gyro_unit="rad/s", axes="frd", latitude=0.5, time_unit="s")
+    assert len(found.gyro_b) == 101

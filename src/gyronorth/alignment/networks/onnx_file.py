@@ -22,6 +22,8 @@ _FIELDS = {
 _EXTERNAL, _LOCATION = 13, 14
 #: Graphs within graphs that are looked into.
 _DEEPEST = 100
+#: Fields that are looked at; the networks of the paper have some thousand, and a second is enough for these.
+_MOST_FIELDS = 500_000
 
 
 class DamagedOnnx(ValueError):
@@ -36,19 +38,21 @@ def names_other_files(content: bytes) -> bool:
     DamagedOnnx
         If the file cannot be walked through.
     """
-    return _external(memoryview(content), "model", 0)
+    return _external(memoryview(content), "model", 0, iter(range(_MOST_FIELDS)))
 
 
-def _external(content: memoryview, kind: str, depth: int) -> bool:
+def _external(content: memoryview, kind: str, depth: int, left: Iterator[int]) -> bool:
     if depth > _DEEPEST:
         raise DamagedOnnx("graphs within graphs without end")
     for number, value in _fields(content):
+        if next(left, None) is None:
+            raise DamagedOnnx(f"more than {_MOST_FIELDS} fields")
         if kind == "tensor":
             if number == _EXTERNAL or (number == _LOCATION and value != 0):
                 return True
             continue
         inner = _FIELDS[kind].get(number)
-        if inner is not None and isinstance(value, memoryview) and _external(value, inner, depth + 1):
+        if inner is not None and isinstance(value, memoryview) and _external(value, inner, depth + 1, left):
             return True
     return False
 
@@ -59,6 +63,8 @@ def _fields(content: memoryview) -> Iterator[tuple[int, int | memoryview]]:
     while place < len(content):
         key, place = _varint(content, place)
         wire, value = key & 7, 0
+        if key < 8:
+            raise DamagedOnnx("a field without number")
         if wire == 0:
             value, place = _varint(content, place)
         elif wire in (1, 5):
