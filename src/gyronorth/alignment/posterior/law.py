@@ -16,9 +16,9 @@ from functools import lru_cache
 import numpy as np
 
 from gyronorth.alignment.posterior.blocks import COUNT
+from gyronorth.alignment.posterior.force import FORCE, force_noise, forces_of
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index, Mask
-from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
@@ -40,11 +40,6 @@ TILT_PRIOR = (0.075, 0.105, 0.149, 0.149, 0.149, 0.149, 0.149, 0.075)
 TILT, TILT_UNSEEN = 0.5, 0.15
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
-#: Drift of the accelerometer beyond its noise, over its constant and in-run bias: sizes of one that goes on or settles
-#: as a tilt does and of one that wanders, at the end, and their probability.
-FORCES, WANDERS, FORCE = (0.3, 1.0, 3.0, 10.0), (0.1, 0.3, 1.0), 0.12
-#: Time constants of one that settles, over the duration, from and to.
-FORCE_TIMES = ((0.08, 0.25), (0.25, 0.8), (0.8, 100.0))
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
 SETTLING, SETTLING_SIZES = 0.12, (1.0, 3.0, 10.0, 30.0)
@@ -153,18 +148,19 @@ def law_of(
     base[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
     base[:COUNT, :COUNT] += sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
     if accel:
-        base[COUNT:, COUNT:] += _force(sensor.accel, seconds) + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
+        base[COUNT:, COUNT:] += (
+            force_noise(sensor.accel, seconds) + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
+        )
     noise = base + _drifts(replace(gyro, white=0.0) if gyro.flicker or gyro.random_walk else gyro, seconds, accel=accel)
-    forces, levels = _forces(sensor.accel) if accel else (np.zeros(1), np.zeros((1, 0, 0)))
+    forces, levels = forces_of(sensor.accel) if accel else (np.zeros(1), np.zeros((1, 0, 0)))
     moves = _moves(seconds, len(forces), known=known, fitted=white is not None or bool(tones) or bool(bumped))
     used, number = np.unique(moves.drift * len(forces) + moves.force, return_inverse=True)
     horizontal = noise[used // len(forces)].copy()
     horizontal[:, COUNT:, COUNT:] += levels[used % len(forces)]
     walk, trace = _walk_modes() * scale, shapes.trace if accel else None
-    upright = noise[:, :COUNT, :COUNT]
     return Law(
         horizontal=_axis(horizontal, number, moves.motion, shapes.gyro, trace, walk, seconds),
-        vertical=_axis(upright, moves.yaw_drift, moves.turning, shapes.gyro, None, walk, seconds),
+        vertical=_axis(noise[:, :COUNT, :COUNT], moves.yaw_drift, moves.turning, shapes.gyro, None, walk, seconds),
         drift=moves.drift,
         sway=moves.sway,
         force=forces[moves.force],
@@ -193,7 +189,7 @@ class _Moves:
 @lru_cache(maxsize=16)
 def _moves(seconds: float, forces: int, *, known: bool, fitted: bool) -> _Moves:
     """Bases of all motions; beside tones or bumps that were fitted, of what they leave."""
-    duration = seconds * COUNT
+    duration, some = seconds * COUNT, SWAY if forces > 1 else SWAY_UNSEEN
     sizes, lags = (SWAYS_LEFT, SWAY_TIMES_LEFT) if fitted else (SWAYS, SWAY_TIMES)
     sways = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
     motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
@@ -202,7 +198,6 @@ def _moves(seconds: float, forces: int, *, known: bool, fitted: bool) -> _Moves:
     turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
     drift, sway, force = _paired(len(sways), forces, known=known)
     yaw_drift, yaw, _ = _paired(len(yaws), 1, known=known)
-    some = SWAY if forces > 1 else SWAY_UNSEEN
     return _Moves(
         drift=drift,
         force=force,
@@ -276,28 +271,6 @@ def _blocked(noise: NoiseLaw, seconds: float, *, accel: bool) -> Array:
     """Covariance of block means of the rate, then of its integral."""
     fine, both = np.arange(FINE * COUNT + 1), block_operators(seconds, accel=accel)
     return both @ noise.mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
-
-
-@lru_cache(maxsize=64)
-def _force(accel: TriadErrors, seconds: float) -> Array:
-    """Covariance of the tilt that the accelerometer sees without moving, block means, rad^2."""
-    edges, level = np.arange(COUNT + 1), replace(accel, turn_on_bias=0.0)
-    return NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
-
-
-@lru_cache(maxsize=8)
-def _forces(accel: TriadErrors) -> tuple[Array, Array]:
-    """Sizes at the end, rad, and covariances of block means of what an accelerometer may drift, the first nothing."""
-    edges: Array = np.asarray(np.arange(COUNT + 1) / COUNT, dtype=float)
-    time = (edges[:-1] + edges[1:]) / 2
-    laws = [(size, np.minimum(time[:, None], time) - np.eye(COUNT) / COUNT / 6) for size in WANDERS]
-    for times in FORCE_TIMES:
-        tau = np.geomspace(*times, 8)[:, None]
-        mean = (1 + tau * np.diff(np.exp(-edges / tau), axis=1) * COUNT) / -np.expm1(-1 / tau)
-        laws += [(size, mean.T @ mean / len(tau)) for size in FORCES]
-    sizes = np.array([0.0, *(size for size, _ in laws)]) * force_bias(accel)
-    unit = np.array([np.zeros((COUNT, COUNT)), *(covariance for _, covariance in laws)])
-    return sizes, sizes[:, None, None] ** 2 * unit
 
 
 @lru_cache(maxsize=8)
@@ -422,11 +395,6 @@ def _axis(
         walk=whiten @ modes,
         half_log_det=log_det[drift] + np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
     )
-
-
-def force_bias(accel: TriadErrors) -> float:
-    """Scale by which an accelerometer's drift is tried, rad: its constant and in-run bias, or a floor without any."""
-    return max(float(np.hypot(accel.turn_on_bias, accel.flicker)) / STANDARD_GRAVITY, 1e-6)
 
 
 def unit_bias(sensor: Sensor) -> float:
