@@ -19,6 +19,8 @@ ROOT = Path(__file__).parents[1]
 TESTS = (
     "tests/learn/test_training_watched.py",
     "tests/studies/test_networks.py::test_the_baseline_of_the_studies_is_that_of_the_settings",
+    "tests/learn/test_prior_fitted.py",
+    "tests/studies/test_best.py::test_what_the_closed_form_leaves_is_the_same_for_every_copy_of_a_recording",
 )
 
 
@@ -80,6 +82,42 @@ FAULTS = (
     Fault("baseline with batch 32", "learn/settings.py", "batch=100", "batch=32"),
     Fault("baseline of the studies with batch 32", "studies/networks.py", '"batch": 100', '"batch": 32'),
     Fault("(cos, sin) that is degrees", "learn/stages.py", "output=part.output,", 'output="degrees",'),
+    Fault(
+        "attention to headings asked for too",
+        "learn/prior_fitted.py",
+        "difference = torch.cos((heading[:, None] - heading[:known])[..., None] * order).float()",
+        "difference, known = torch.cos((heading[:, None] - heading)[..., None] * order).float(), len(heading)",
+    ),
+    Fault(
+        "swings without coupling to the rate",
+        "learn/prior_fitted.py",
+        "error_covariance(heading, surplus, settings,",
+        "error_covariance(heading, 0 * surplus, settings,",
+    ),
+    Fault(
+        "headings themselves in place of differences",
+        "learn/prior_fitted.py",
+        " - heading[:known])",
+        " + heading[:known])",
+    ),
+    Fault(
+        "the optimiser forgets between stages",
+        "learn/prior_fitted.py",
+        "if optimiser is not None:",
+        "if optimiser is None:",
+    ),
+    Fault(
+        "a network trained on another error than that asked for",
+        "learn/prior_fitted.py",
+        "(error[:, known:] - mean)",
+        "(error[:, known:].flip(1) - mean)",
+    ),
+    Fault(
+        "residual of the wrong sign",
+        "learn/batched.py",
+        "torch.remainder(h - c, 360.0)",
+        "torch.remainder(h + c, 360.0)",
+    ),
     Fault("no dropout in the loss", "learn/stages.py", "network(x_train[index], generator)", "network(x_train[index])"),
 )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import os
 import subprocess
 import sys
@@ -58,6 +59,13 @@ def test_every_public_name_resolves_and_none_is_a_submodule():
     for name in gyronorth.__all__:
         assert getattr(gyronorth, name) is not None
     assert set(gyronorth.__all__) <= set(dir(gyronorth))
+
+
+@pytest.mark.parametrize("name", ["", ".readers", ".simulation", ".allan", ".sensor", ".frames", ".many"])
+def test_a_public_package_shows_its_names_and_nothing_else(name):
+    package = importlib.import_module(f"gyronorth{name}")
+    assert dir(package) == sorted(package.__all__)
+    assert all(getattr(package, each) is not None for each in package.__all__)
 
 
 def test_imports_go_one_way(monkeypatch):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.special import erf
+from scipy.special import erf, ndtri
 
 PAGE = Path(__file__).parents[2] / "docs/theory/disturbance.md"
 FACTORS = (2.3, 3.0)
@@ -27,6 +27,24 @@ def half_width(wide, factor):
         short = (1 - wide) * erf(middle / np.sqrt(2)) + wide * erf(middle / factor / np.sqrt(2)) < 0.95
         low, high = np.where(short, middle, low), np.where(short, high, middle)
     return high
+
+
+@pytest.mark.parametrize("factor", [4, 25])
+@pytest.mark.parametrize("column", range(5))
+def test_what_a_tilt_costs_that_only_the_norm_shows(column, factor):
+    """One of two disturbed errors is seen; it weighs still (1) against tilting (`factor`), the other is missed."""
+    prior = (0.04, 0.1, 0.2, 0.3, 0.5)[column]
+    # Quantiles of the size of a normal error, so that nothing scatters.
+    seen = ndtri(0.5 + (np.arange(4000) + 0.5) / 8000)
+
+    def wide(error):
+        tilting = prior / factor * np.exp(-(error**2) / 2 / factor**2)
+        return tilting / (tilting + (1 - prior) * np.exp(-(error**2) / 2))
+
+    wider = half_width(wide(seen), factor).mean() / 1.96
+    missed = np.mean(1 - erf(half_width(wide(seen * factor), factor) / factor / np.sqrt(2)))
+    assert_allclose(wider, row(f"is wider for a still unit, $s$ = {factor}")[column], rtol=0.01)
+    assert_allclose(missed, row(f"misses the tilting one, $s$ = {factor}")[column], atol=0.006)
 
 
 @pytest.mark.parametrize("column", range(5))

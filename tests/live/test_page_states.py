@@ -177,7 +177,7 @@ def test_all_is_reached_with_the_keyboard(states, shown, page):
         "Mark (key m)",
         "Stop (key t)",
         "Set the alignment offset",
-        "What came, in numbers",
+        "Input statistics",
     }
     assert wanted <= reached
     assert not [label for label, ring in rings if label in wanted and ring == "nonenone"]

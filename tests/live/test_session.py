@@ -23,7 +23,7 @@ from gyronorth.live import session as session_module
 from gyronorth.live.events import Connected, Lost
 from gyronorth.live.lines import LineReader
 from gyronorth.live.recorder import Recorder, check_place
-from gyronorth.live.reporting import write_report
+from gyronorth.live.reporting import report_text, write_report
 from gyronorth.live.session import LiveSettings, Session
 from gyronorth.live.status import Status
 from gyronorth.live.stretch import Stretch
@@ -390,6 +390,16 @@ def test_a_report_is_written_over_no_other_file(tmp_path):
     session = session_of(HEAD, ROWS, save=tmp_path / "rec.csv")
     assert write_report(session.status, session.settings) == tmp_path / "rec-2.html"
     assert (tmp_path / "rec.html").read_text() == "mine"
+
+
+@pytest.mark.parametrize("token", [["--token", "a long secret"], ["--token=a long secret"]])
+def test_a_report_states_command_and_recording_but_no_token(tmp_path, monkeypatch, token):
+    monkeypatch.setattr("sys.argv", ["gyronorth", "live", "udp:4000", *token, "--no-page"])
+    session = session_of(HEAD, ROWS, save=tmp_path / "rec.csv")
+    text = report_text(session.status, session.settings)
+    assert "gyronorth live udp:4000 --token" in text
+    assert str(tmp_path / "rec.csv") in text
+    assert "secret" not in text
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):

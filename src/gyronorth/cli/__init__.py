@@ -1,7 +1,8 @@
 """The command line: thin, no physics.
 
 Exit codes: 0 done, or a valid heading; 2 bad input or usage, with one message; 3 a heading was
-refused or could not be computed, with the reasons.
+refused or could not be computed, with the reasons; 130 interrupted (Ctrl-C); 141 whoever read standard
+output has gone.
 """
 
 from __future__ import annotations

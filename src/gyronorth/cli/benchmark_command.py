@@ -115,6 +115,11 @@ def benchmark(
             if line:
                 typer.echo(line, err=True)
 
-        written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
+        try:
+            written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
+        except KeyboardInterrupt:
+            if (output / "units").is_dir():
+                typer.echo(f"{output} keeps what is finished; the same command goes on with it.", err=True)
+            raise
     for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))

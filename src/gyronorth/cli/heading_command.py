@@ -144,7 +144,7 @@ def heading(
     attitude = None if roll is None else (roll, pitch)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    if biased and method == "learned" and model is not None:
+    if biased and model is not None:
         check_bias(model)
     request = Request(
         reading,

@@ -24,16 +24,26 @@ port gives and passes `saturated` and `sensor_fault` on.
 from __future__ import annotations
 
 from gyronorth.errors import InputError
-from gyronorth.frames.catalogue import NAMES as NAMES
-from gyronorth.frames.catalogue import PROTOCOLS as PROTOCOLS
-from gyronorth.frames.catalogue import ProtocolInfo as ProtocolInfo
-from gyronorth.frames.catalogue import protocol_info as protocol_info
-from gyronorth.frames.protocol import Options as Options
-from gyronorth.frames.recognition import recognise as recognise
-from gyronorth.frames.samples import Report as Report
-from gyronorth.frames.samples import Samples as Samples
-from gyronorth.frames.samples import joined
-from gyronorth.frames.stream import FrameStream as FrameStream
+from gyronorth.frames.catalogue import NAMES, PROTOCOLS, ProtocolInfo, protocol_info
+from gyronorth.frames.protocol import Options
+from gyronorth.frames.recognition import recognise
+from gyronorth.frames.samples import Report, Samples, joined
+from gyronorth.frames.stream import FrameStream
+
+__all__ = [
+    "NAMES",
+    "PIECE",
+    "PROTOCOLS",
+    "FrameStream",
+    "Options",
+    "ProtocolInfo",
+    "Report",
+    "Samples",
+    "decode",
+    "joined",
+    "protocol_info",
+    "recognise",
+]
 
 #: Bytes that are decoded at once: the memory that a capture takes does not grow with its length but for its samples.
 PIECE = 1 << 18
@@ -73,3 +83,7 @@ def decode(data: bytes, protocol: str | None = None, options: Options | None = N
             "protocol and the baud rate."
         )
     return joined(given), stream.report
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.util import find_spec
 from threading import Condition, Thread
 
 import numpy as np
@@ -136,10 +135,8 @@ class Estimation:
 @cache
 def _warm() -> None:
     """Run once what `auto` may turn to later, so that it takes its memory at the start and not during a turn."""
-    still, turned = _unit_at_rest(10.0), _unit_at_rest(200.0, turned=True)
-    pipeline.heading(turned, sensor="isa100c")
-    for method in ("bayes", *(["learned"] if find_spec("onnxruntime") else [])):
-        pipeline.heading(still, sensor="isa100c", method=method)
+    for recording in (_unit_at_rest(10.0), _unit_at_rest(200.0, turned=True)):
+        pipeline.heading(recording, sensor="isa100c")
 
 
 def _unit_at_rest(rate_hz: float, *, turned: bool = False) -> Recording:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyronorth.findings import Finding
 from gyronorth.frames import FrameStream, Report, Samples
-from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.formats.frames import SI, frame_options, usual_facts
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FLAGS, FORCES, RATES, TIME, Facts
@@ -43,7 +43,7 @@ class FrameReader:
         self.protocol = protocol
         self._options = frame_options(protocol, options, name)
         self._stream = FrameStream(protocol, self._options)
-        self._past = Tally()  # of the streams before this one
+        self._past = StreamTally()  # of the streams before this one
         self._why = ""  # why the next rows behind a jump do not go on from those before
         self._cut = False  # the next rows do not go on from those before, jump or not
         self._raw = bytearray()
@@ -53,10 +53,10 @@ class FrameReader:
         self._latest = b""  # the last of them
 
     @property
-    def tally(self) -> Tally:
-        """What came."""
+    def tally(self) -> StreamTally:
+        """Counts of the input."""
         report, past = self._stream.report, self._past
-        return Tally(
+        return StreamTally(
             lines=past.lines + report.samples + report.unusable,
             garbage=past.garbage + report.unusable,
             skipped_bytes=past.skipped_bytes + report.skipped,

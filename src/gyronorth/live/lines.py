@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.formats.csv import COMMENT, stated_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
-from gyronorth.readers.text import LONGEST_LINE, parse_block
+from gyronorth.readers.text import parse_block
+from gyronorth.readers.text_head import LONGEST_LINE
 
 #: The columns of a source without a header, by its number of fields.
 BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}
@@ -78,9 +79,9 @@ class LineReader:
         return batches
 
     @property
-    def tally(self) -> Tally:
-        """What came."""
-        return Tally(self.lines, self.garbage, self.last_garbage)
+    def tally(self) -> StreamTally:
+        """Counts of the input."""
+        return StreamTally(self.lines, self.garbage, self.last_garbage)
 
     def facts(self) -> Facts:
         """What the comments state.

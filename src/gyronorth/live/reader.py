@@ -1,4 +1,4 @@
-"""What a stream sends, told by itself: lines of numbers, or the frames of a unit whose checksums hold."""
+"""What a stream sends, recognised by its content: lines of numbers, or the frames of a unit whose checksums hold."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gyronorth.frames import recognise
 from gyronorth.frames.recognition import LOOK
 from gyronorth.live.frames import FrameReader
 from gyronorth.live.lines import LineReader
-from gyronorth.live.rows import RowBatch, Tally
+from gyronorth.live.rows import RowBatch, StreamTally
 from gyronorth.live.texts import TextReader
 from gyronorth.readers.asking import OpenQuestion
 from gyronorth.readers.options import ReadOptions
@@ -57,8 +57,8 @@ class StreamReader:
         return UNKNOWN if self._reader.form is None else LINES
 
     @property
-    def tally(self) -> Tally:
-        """What came."""
+    def tally(self) -> StreamTally:
+        """Counts of the input."""
         return self._reader.tally
 
     @property

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from gyronorth.errors import InputError
+from gyronorth.files import temporary_files_told
 from gyronorth.readers.spool import MOST, RESERVE
 
 #: How the names of the folders begin, and the file in each that its owner holds locked.
@@ -23,8 +24,10 @@ NEW = 60.0
 @contextmanager
 def private_folder() -> Generator[Path]:
     """A folder for one file while the block runs; those that a killed process left go first."""
-    sweep()
-    with tempfile.TemporaryDirectory(prefix=PREFIX) as name, Path(name, HELD).open("w") as held:
+    with temporary_files_told():
+        sweep()
+        folder = tempfile.TemporaryDirectory(prefix=PREFIX)
+    with folder as name, Path(name, HELD).open("w") as held:
         _lock(held)
         yield Path(name)
 

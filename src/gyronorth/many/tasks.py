@@ -116,7 +116,7 @@ class AllanTask(_Task):
 
 def allan_columns() -> tuple[str, ...]:
     """Columns of the table of error terms, in the units of sensor profiles."""
-    from gyronorth.sensor.law import TERMS
+    from gyronorth.sensor.terms import TERMS
 
     gyro, accel = (f"gyro_{term.gyro.key}" for term in TERMS), (f"accel_{term.accel.key}" for term in TERMS)
     return (*ALLAN_BEFORE, *gyro, *accel, *ALLAN_BEHIND)

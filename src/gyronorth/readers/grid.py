@@ -17,7 +17,7 @@ from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.order import RESTART_ROWS, ClockCounts, TimeOrder
 from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Question, Source
 from gyronorth.readers.usable import mostly_unusable, usable_rows, why_unusable
-from gyronorth.readers.waiting import Rows, repeats
+from gyronorth.readers.waiting import WaitingRows, repeats
 from gyronorth.recording import Gap
 
 #: A rate that comes from a time column is expected within these bounds, Hz.
@@ -71,7 +71,7 @@ class GridBuilder:
         self._last_row = 0
         self._last_values: Array | None = None  # of the last row on the grid
         self._last_stamp = 0.0  # of the last row on the grid
-        self._waiting = Rows.none(len(declared.scale(1.0)))
+        self._waiting = WaitingRows.none(len(declared.scale(1.0)))
         self._scatter = (0, 0.0)  # steps since `jitter` was taken, sum of their squares about the interval
         self._described: list[tuple[int, str]] = []
 
@@ -81,7 +81,7 @@ class GridBuilder:
         return self._position + 1 >= self._window[1]
 
     def keep_gaps(self) -> None:
-        """Bridge gaps of up to a day, and any number of them: whoever takes the samples judges them by `gaps`."""
+        """Bridge gaps of up to a day, any number of them: the caller decides by `gaps` whether they are too many."""
         self._longest, self._most = LONGEST_KEPT, 1.0
 
     def push(self, block: Block) -> Array:
@@ -110,7 +110,7 @@ class GridBuilder:
                 data, rows, stamps = data[:end][ordered[:end]], rows[:end][ordered[:end]], stamps[:end][ordered[:end]]
         if block.flags is not None and block.flags.any():
             self._marks.append((block.rows, block.flags))
-        self._waiting = self._waiting.followed_by(Rows(data, rows, stamps, np.concatenate(bad), tuple(reasons)))
+        self._waiting = self._waiting.followed_by(WaitingRows(data, rows, stamps, np.concatenate(bad), tuple(reasons)))
         yield from self._placed(stamps, last=restart is not None)
         if restart is not None and not self.done:
             self.raise_bad()

@@ -60,7 +60,7 @@ def read(
     Parameters
     ----------
     path : str or Path
-        A file in any known format: .csv, .imu (PSINS), .txt (MT Manager), .mat, .npz.
+        A file in any format that `gyronorth info` reads, recognised by its content, or by its suffix.
     options : ReadOptions, optional
         What the file does not say about itself.
     progress : callable, optional

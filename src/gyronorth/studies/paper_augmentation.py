@@ -80,12 +80,14 @@ def learnt_on(recordings_error: tuple[Array, Array, Array, Array], split: Split,
     return perfect_learner(known, error, first[split.test], first_error[split.test], span=span)
 
 
-def first_two_windows(seed: int, data: dict | None = None) -> tuple[Array, Array, Array, Array]:
+def first_two_windows(
+    seed: int, data: dict | None = None, *, duration: float = WINDOW
+) -> tuple[Array, Array, Array, Array]:
     """Heading and error of the closed form in the first and in the second window of each recording, rad.
 
     Recordings too short for two windows give an empty second one.
     """
-    gyro_l, truth, recording = recordings_of(seed, data).windows(WINDOW)
+    gyro_l, truth, recording = recordings_of(seed, data).windows(duration)
     heading = model_based(gyro_l)
     error = angle_error(heading, truth)
     first, windows = np.unique(recording, return_index=True, return_counts=True)[1:]
@@ -117,9 +119,11 @@ def _key(span: int, *, leak: bool) -> str:
     return f"leak_{span}" if leak else f"span_{span}"
 
 
-def limit_of_splits(plan: StudyPlan, splits: list[Split], *, leak: bool = False) -> tuple[Pooled, str]:
+def limit_of_splits(
+    plan: StudyPlan, splits: list[Split], *, leak: bool = False, duration: float = WINDOW
+) -> tuple[Pooled, str]:
     """The perfect learner on the splits of a network table, and the share of its tests outside the span."""
-    windows = first_two_windows(**plan.source())
+    windows = first_two_windows(**plan.source(), duration=duration)
     ordered = [Split(np.sort(s.train), np.sort(s.test), np.sort(s.validation)) for s in splits]
     found = [learnt_on(windows, split, span=np.radians(PAPER_SPAN), leak=leak) for split in ordered]
     one = Pooled(

@@ -10,6 +10,7 @@ from math import radians
 import numpy as np
 
 from gyronorth.alignment.networks.diffusion import Normalisation
+from gyronorth.angles import cyclic_rmse
 from gyronorth.sensor import TriadErrors
 from gyronorth.studies.floors import at_window, floor_deg
 from gyronorth.studies.network_tables import COLUMNS, LOST, network_row, spread
@@ -24,7 +25,7 @@ from gyronorth.studies.networks import (
     heading_unit,
     splits_of,
 )
-from gyronorth.studies.paper_augmentation import HOW, limit_row
+from gyronorth.studies.paper_augmentation import HOW, LIMIT, limit_of_splits, limit_row
 from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import Report, Table
 from gyronorth.studies.work import Job, Result
@@ -248,6 +249,8 @@ def _spread_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         mine = [results[unit.name] for unit in units]
         late = [_wobble(result) for result in mine]
         rows.append((label, *spread(mine, "validation"), *spread(mine), float(np.mean(late))))
+    limit = np.degrees(cyclic_rmse(np.concatenate(limit_of_splits(plan, splits_of(plan, 1))[0].error)))
+    rows.append((LIMIT, None, None, float(limit), 0.0, None))
     text = (
         f"One split, {_SPREAD_SEEDS} seeds of weights, order, noise and augmentation. The paper claims stabler "
         "training with the denoiser; then spread over seeds and wobble of the validation curve should be smaller."

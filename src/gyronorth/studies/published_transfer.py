@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, wrap_heading
+from gyronorth.attitude import heading_of_rate
 from gyronorth.deviation import fit_deviation, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import bootstrap_ratio, coverage
@@ -56,7 +57,7 @@ def _simulated(real: _Figures, count: int, rng: np.random.Generator) -> tuple[ND
     rate = EARTH_RATE * cos(LATITUDE) * np.stack([np.cos(heading), -np.sin(heading)], axis=1)
     spread = np.hypot(real.bias, real.arw / np.sqrt(real.duration))
     rate = rate + spread * rng.standard_normal(rate.shape)
-    return wrap_heading(np.arctan2(-rate[:, 1], rate[:, 0])), rate_surplus(rate, LATITUDE), heading
+    return wrap_heading(heading_of_rate(rate)), rate_surplus(rate, LATITUDE), heading
 
 
 def no_structure(*, known: int, tested: int, seed: int, data: dict | None = None) -> dict:

@@ -66,7 +66,7 @@ class StudyPlan:
         return " ".join(text for text in (about(self.data), SELECTIONS[self.selection], self.cut_short()) if text)
 
     def cut_short(self) -> str:
-        """What is told where the trainings end before their settings let them; empty where they do not."""
+        """The note where the trainings end before their settings let them; empty where they do not."""
         if self.epochs is None or self.epochs >= FULL_EPOCHS:
             return ""
         what = "are **not trained**: their figures only show that the command runs"

@@ -18,6 +18,7 @@ from gyronorth.sensor import TriadErrors, read_sensor
 from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation import Motion, simulate_batch
 from gyronorth.simulation.disturbance import Draw
+from gyronorth.uncertainty import horizontal_rate_variance
 
 LATITUDE = np.radians(48.0)
 RATE_HZ = 5.0
@@ -139,6 +140,25 @@ def test_what_the_accelerometer_sees_is_no_earth_rate(moves):
     slope = np.sqrt(1.2 * sensor.gyro.white**2 / 100 + 12 * (sensor.accel.white / STANDARD_GRAVITY) ** 2 / 100**3)
     least = np.hypot(slope, sensor.gyro.turn_on_bias) / (EARTH_RATE * np.cos(LATITUDE))
     assert np.sqrt(np.mean(off**2)) < 1.5 * least
+
+
+@pytest.mark.parametrize(("name", "fading"), [("sdc500", False), ("isa100c", True), ("hg9900", False)])
+def test_an_accelerometer_that_drifts_is_no_tilt(name, fading):
+    """Its bias moves by three times the profile's, which the gyro does not see; taken for a tilt, half are missed."""
+    sensor, runs = read_sensor(name), 24
+    gyro_b, accel_b, truth = simulated(sensor, runs)
+    time = (np.arange(gyro_b.shape[1]) + 0.5) / gyro_b.shape[1]
+    size = 3 * np.hypot(sensor.accel.turn_on_bias, sensor.accel.flicker)
+    drift = (
+        size
+        * np.random.default_rng(6).standard_normal((runs, 1, 3))
+        * (np.exp(-time / 0.6) if fading else time)[:, None]
+    )
+    _, off, inside = judged(sensor, gyro_b, accel_b + drift, truth)
+    assert np.sum(~inside) <= most_missed(runs, 0.12)
+    means = horizontal_rate_variance(sensor, latitude=LATITUDE, duration=100.0)
+    least = np.sqrt(sum(means.values())) / (EARTH_RATE * np.cos(LATITUDE))
+    assert np.median(np.abs(off)) < 2 * least
 
 
 def test_a_bias_beyond_the_profile_widens_and_is_told():

@@ -155,10 +155,18 @@ def _result(problem: Problem, found: Inferred) -> Result:
 
 
 def _why(found: Inferred, *, known: bool) -> str:
-    words = {"sway": "sway", "tilt": "slow tilt", "settling": "bias settling", "walk": "bias random walk"}
+    words = {
+        "sway": "sway",
+        "tilt": "slow tilt",
+        "settling": "bias settling",
+        "walk": "bias random walk",
+        "force": "accelerometer drift",
+    }
     least = {"tilt": TILT_TOLD}
     told = [
-        f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= least.get(name, TOLD)
+        f"{words[name]} (probability {value:.2f})"
+        for name, value in found.probability.items()
+        if value >= least.get(name, TOLD)
     ]
     if found.tones >= TOLD and found.probability["sway"] < TOLD:
         told.append("sway at a steady frequency")

@@ -33,13 +33,18 @@ SWAY, SWAY_UNSEEN = 0.08, 0.04
 #: Slow tilt: rate, rad/s rms per axis, of a line or of an exponential at its beginning, and its share of the prior.
 TILTS = tuple(np.radians((1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)) / 100)
 TILT_PRIOR = (0.075, 0.105, 0.149, 0.149, 0.149, 0.149, 0.149, 0.075)
-TILT, TILT_UNSEEN = 0.72, 0.04
+TILT, TILT_UNSEEN = 0.5, 0.15
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
+#: Drift of the accelerometer beyond its noise, over its constant and in-run bias: sizes of one that goes on or settles
+#: as a tilt does and of one that wanders, at the end, and their probability.
+FORCES, WANDERS, FORCE = (0.3, 1.0, 3.0, 10.0), (0.1, 0.3, 1.0), 0.12
+#: Time constants of one that settles, over the duration, from and to.
+FORCE_TIMES = ((0.08, 0.25), (0.25, 0.8), (0.8, 100.0))
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.085, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.15, 0.3, 0.5, 0.05)
+SETTLING, SETTLING_SIZES = 0.15, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.05, 0.25, 0.6, 0.1)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
@@ -98,11 +103,12 @@ class Axis:
 class Law:
     """Everything that does not depend on the samples."""
 
-    horizontal: Axis  # d = COUNT, or twice that with an accelerometer; bases drift x motion
+    horizontal: Axis  # d = COUNT, or twice that with an accelerometer; bases drift x (motion or force)
     vertical: Axis  # d = COUNT; bases drift x yaw
     drift: Index  # (b,) number of the drift of each horizontal base
     sway: Array  # (b,) rad rms of its motion, 0 for none
-    log_prior: Array  # (b,) of its motion
+    force: Array  # (b,) rad rms of what the accelerometer drifts beyond its noise, 0 for nothing
+    log_prior: Array  # (b,) of its motion and force
     yaw_drift: Index  # (v,)
     yaw_log_prior: Array  # (v,)
     shapes: Shapes
@@ -147,6 +153,9 @@ def law_of(
     noise = np.array(
         [base + factor**2 * _drift(_drifting(gyro, seconds, factor), seconds, accel=accel) for factor in DRIFTS]
     )
+    forces, levels = _forces(sensor.accel) if accel else (np.zeros(1), np.zeros((1, 0, 0)))
+    level = np.zeros((len(forces), *base.shape))
+    level[:, COUNT:, COUNT:] = levels
     some = SWAY if accel else SWAY_UNSEEN
     fitted = white is not None or bool(tones) or bool(bumped)
     sizes, lags = (SWAYS_LEFT, SWAY_TIMES_LEFT) if fitted else (SWAYS, SWAY_TIMES)
@@ -154,34 +163,55 @@ def law_of(
     motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
     yaws = [(0.0, 1.0), *((size, time) for size in YAWS for time in YAW_TIMES)]
     turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
-    base_drift, base_sway = _paired(len(sways), known=known)
-    yaw_drift, base_yaw = _paired(len(yaws), known=known)
+    base_drift, base_sway, base_force = _paired(len(sways), len(forces), known=known)
+    yaw_drift, base_yaw, _ = _paired(len(yaws), 1, known=known)
     walk, trace = _walk_modes() * scale, shapes.trace if accel else None
     return Law(
-        horizontal=_axis(noise, base_drift, motion[base_sway], shapes.gyro, trace, walk, seconds),
+        horizontal=_axis(
+            (noise[:, None] + level).reshape(-1, *base.shape),
+            base_drift * len(forces) + base_force,
+            motion[base_sway],
+            shapes.gyro,
+            trace,
+            walk,
+            seconds,
+        ),
         vertical=_axis(noise[:, :COUNT, :COUNT], yaw_drift, turning[base_yaw], shapes.gyro, None, walk, seconds),
         drift=base_drift,
         sway=np.array([tilt for tilt, _ in sways])[base_sway],
-        log_prior=_log_prior(some, base_drift, base_sway),
+        force=forces[base_force],
+        log_prior=_log_prior((some, FORCE), base_drift, (base_sway, base_force)),
         yaw_drift=yaw_drift,
-        yaw_log_prior=_log_prior(YAW, yaw_drift, base_yaw),
+        yaw_log_prior=_log_prior((YAW,), yaw_drift, (base_yaw,)),
         shapes=shapes,
         bias=scale,
     )
 
 
-def _paired(motions: int, *, known: bool) -> tuple[Index, Index]:
-    """Numbers of drift and motion of each base; what drifts less than a known profile only where nothing moves."""
-    pairs = [(d, m) for d, factor in enumerate(DRIFTS) for m in range(motions) if factor >= 1 or m == 0 or not known]
-    drift, motion = np.array(pairs).T
-    return drift, motion
+def _paired(motions: int, forces: int, *, known: bool) -> tuple[Index, Index, Index]:
+    """Numbers of drift, motion and force of each base.
+
+    What drifts less than a known profile only where nothing moves, a force beside no motion and a gyro as it should be.
+    """
+    pairs = [
+        (d, m, f)
+        for d, factor in enumerate(DRIFTS)
+        for m in range(motions)
+        for f in range(forces)
+        if (factor >= 1 or m == 0 or not known) and (f == 0 or (m == 0 and factor == 1))
+    ]
+    drift, motion, force = np.array(pairs).T
+    return drift, motion, force
 
 
-def _log_prior(some: float, drift: Index, motion: Index) -> Array:
-    """Log probability of each base's motion given its drift, that of any motion being `some`."""
-    moving = np.bincount(drift, weights=motion > 0)[drift]
-    still = np.where(moving > 0, 1 - some, 1.0)
-    return np.asarray(np.log(np.where(motion > 0, some / np.maximum(moving, 1), still)), dtype=float)
+def _log_prior(some: tuple[float, ...], drift: Index, moved: tuple[Index, ...]) -> Array:
+    """Log probability of each base given its drift: of any of one kind that is `moved` it is its `some`, shared."""
+    probability, left = np.zeros(len(drift)), np.ones(len(drift))
+    for share, number in zip(some, moved, strict=True):
+        count = np.bincount(drift, weights=number > 0)[drift]
+        probability += np.where(number > 0, share / np.maximum(count, 1), 0.0)
+        left -= np.where(count > 0, share, 0.0)
+    return np.asarray(np.log(np.where(probability > 0, probability, left)), dtype=float)
 
 
 def _tone(seconds: float, frequency: float, size: float) -> Array:
@@ -224,6 +254,21 @@ def _force(accel: TriadErrors, seconds: float) -> Array:
     """Covariance of the tilt that the accelerometer sees without moving, block means, rad^2."""
     edges, level = np.arange(COUNT + 1), replace(accel, turn_on_bias=0.0)
     return NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
+
+
+@lru_cache(maxsize=8)
+def _forces(accel: TriadErrors) -> tuple[Array, Array]:
+    """Sizes at the end, rad, and covariances of block means of what an accelerometer may drift, the first nothing."""
+    edges: Array = np.asarray(np.arange(COUNT + 1) / COUNT, dtype=float)
+    time = (edges[:-1] + edges[1:]) / 2
+    laws = [(size, np.minimum(time[:, None], time) - np.eye(COUNT) / COUNT / 6) for size in WANDERS]
+    for times in FORCE_TIMES:
+        tau = np.geomspace(*times, 8)[:, None]
+        mean = (1 + tau * np.diff(np.exp(-edges / tau), axis=1) * COUNT) / -np.expm1(-1 / tau)
+        laws += [(size, mean.T @ mean / len(tau)) for size in FORCES]
+    sizes = np.array([0.0, *(size for size, _ in laws)]) * force_bias(accel)
+    unit = np.array([np.zeros((COUNT, COUNT)), *(covariance for _, covariance in laws)])
+    return sizes, sizes[:, None, None] ** 2 * unit
 
 
 @lru_cache(maxsize=8)
@@ -348,6 +393,11 @@ def _axis(
         walk=whiten @ modes,
         half_log_det=log_det[drift] + np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
     )
+
+
+def force_bias(accel: TriadErrors) -> float:
+    """Scale by which an accelerometer's drift is tried, rad: its constant and in-run bias, or a floor without any."""
+    return max(float(np.hypot(accel.turn_on_bias, accel.flicker)) / STANDARD_GRAVITY, 1e-6)
 
 
 def unit_bias(sensor: Sensor) -> float:

@@ -12,6 +12,7 @@ from gyronorth.alignment.posterior.explain import FAR, Proposer, Weighed, explan
 from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, unit_bias
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -27,6 +28,8 @@ UNKNOWN_KNEE, UNKNOWN_DRIFT, CORNER = 7 * DEG_PER_HOUR, (0.3, 0.2, 0.2, 0.2, 0.1
 UNKNOWN_FORCE = (3e-6 * STANDARD_GRAVITY, 1e-3 * STANDARD_GRAVITY)
 #: Bias over the profile's beyond which a mixture explains away a fault rather than a unit.
 BEYOND = 9.0
+#: Variance of the mean of what an accelerometer drifts over that at the end: of a line 1/4, of an early settling 3/4.
+FORCE_MEAN = 0.5
 #: Error of the vertical rate by yaw motion, rad/s, from which the vertical implies no latitude at all.
 HIDDEN = 0.2 * EARTH_RATE
 #: Hypotheses weighed first, to know how likely one has to be.
@@ -42,7 +45,7 @@ class Inferred:
     scale: float  # of what is constant in the bias over the profile's turn-on bias, posterior mean of the logarithm
     drift_scale: float
     white_scale: float
-    probability: dict[str, float]  # of settling, walk, tilt, sway
+    probability: dict[str, float]  # of sway, tilt, settling, walk, force
     variance: dict[str, float]  # of a horizontal rate by part, (rad/s)^2
     rate_variance: float  # of a horizontal component of `rate_l`, (rad/s)^2, and of the vertical one
     vertical_variance: float
@@ -146,12 +149,13 @@ def _conclude(
         else (sensor.accel.turn_on_bias**2 + sensor.accel.flicker**2) / STANDARD_GRAVITY**2
         + sensor.accel.misalignment**2
     )
-    levelling = lean * ((EARTH_RATE * np.sin(latitude)) ** 2 + (north * np.tan(blocks.pitch[index])) ** 2)
+    tilted = (EARTH_RATE * np.sin(latitude)) ** 2 + (north * np.tan(blocks.pitch[index])) ** 2
+    levels = [(lean + FORCE_MEAN * one.law.force**2) * (0.0 if known_attitude else tilted) for one in found]
     bias, prior = scales.biases**2, scales.log_prior
     uprights: list[Array] = []
     bounds: list[Array] = []
     yaws: list[Array] = []
-    for one in found:
+    for one, level in zip(found, levels, strict=True):
         # The vertical, summed over its yaw: (drifts, shapes, biases).
         known, variance = one.law, 1 / one.info_v[:, :, None] + bias + constant
         each = one.log_v[:, :, None] - 0.5 * np.log(variance) - (one.rate_v[:, :, None] - down) ** 2 / 2 / variance
@@ -166,7 +170,7 @@ def _conclude(
             + known.shapes.log_prior[:, None]
         )
         uprights.append(upright)
-        least = 1 / one.info_h + bias.min() + constant + levelling
+        least = 1 / one.info_h + bias.min() + constant + level[:, None]
         bounds.append(upright.max(axis=2)[known.drift] + one.log_h - np.log(least) + one.log_prior)
     flat = np.concatenate([bound.ravel() for bound in bounds])
     first = np.cumsum([0, *(bound.size for bound in bounds)])
@@ -180,7 +184,7 @@ def _conclude(
             b, s = np.divmod(here, one.info_h.shape[1])
             rate, info = one.rate_h[:, b, s], one.info_h[b, s]
             size = np.hypot(rate[0], rate[1])
-            var = 1 / info[:, None] + bias + constant + levelling  # (h, k)
+            var = 1 / info[:, None] + bias + constant + levels[number][b, None]  # (h, k)
             c = size[:, None] * north / var
             log_w = one.log_h[b, s, None] + uprights[number][one.law.drift[b], s] + one.log_prior
             log_w = log_w - np.log(var) + log_i0e(c) - (size[:, None] - north) ** 2 / 2 / var
@@ -199,14 +203,14 @@ def _conclude(
         h, k = np.nonzero(piece.log_weight > ceiling - FAR)
         b, s, rate, info = piece.base[h], piece.shape[h], piece.rate[:, h], piece.info[h]
         weight.append(np.exp(piece.log_weight[h, k] - ceiling))
-        centre.append(np.arctan2(-rate[1], rate[0]))
+        centre.append(heading_of_rate(rate.T))
         kappa.append(piece.concentration[h, k])
         kinds = np.array(known.shapes.kind)[s]
         row = [np.log(np.hypot(scales.biases[k], known.shapes.lasting[s]) / unit_bias(sensor))]
         row += [np.log(np.array(DRIFTS)[known.drift[b]])]
         row += [np.full(len(b), np.log(one.white)), known.sway[b] > 0]
-        row += [kinds == "tilt", kinds == "settling", kinds == "walk"]
-        row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2]
+        row += [kinds == "tilt", kinds == "settling", kinds == "walk", known.force[b] > 0]
+        row += [rate[0], rate[1], bias[k] + constant, 1 / info, rate[0] ** 2, rate[1] ** 2, levels[piece.number][b]]
         beyond = (scales.biases[k] > BEYOND * unit_bias(sensor)) | (
             known.shapes.settles[s] & (known.shapes.size[s] > 1.3 * BEYOND * known.bias)
         )
@@ -215,23 +219,29 @@ def _conclude(
     w /= w.sum()
     told = np.concatenate(parts, axis=1) @ w
     density = mixture(np.concatenate(centre), np.concatenate(kappa), w)
-    spread = max((told[11] + told[12] - told[7] ** 2 - told[8] ** 2) / 2, 0.0)
+    x, y, constant_variance, noise_variance, x_square, y_square, levelling = map(float, told[8:15])
+    spread = max((x_square + y_square - x**2 - y**2) / 2, 0.0)
     claimed = NoiseLaw(sensor.gyro).mean_variance(blocks.duration)
     noise = float(claimed["noise"] * np.exp(2 * told[2]))
     drift = float(claimed["drift"] * np.exp(2 * told[1]))
     return Inferred(
         density=density,
-        rate_l=np.array([told[7], told[8], rate_z]),
+        rate_l=np.array([x, y, rate_z]),
         scale=float(np.exp(told[0])),
         drift_scale=float(np.exp(told[1])),
         white_scale=float(np.exp(told[2])),
-        probability=dict(zip(("sway", "tilt", "settling", "walk"), map(float, told[3:7]), strict=True)),
-        variance={"noise": noise, "drift": drift, "turn_on_bias": float(told[9]), "levelling": float(levelling)},
-        rate_variance=float(told[9] + told[10] + spread + levelling),
-        vertical_variance=float(told[9]) + variance_z,
-        tones=float(told[13]),
-        masked_s=float(told[14]),
-        beyond=float(told[15]) if scales.known else 0.0,
+        probability=dict(zip(("sway", "tilt", "settling", "walk", "force"), map(float, told[3:8]), strict=True)),
+        variance={
+            "noise": noise,
+            "drift": drift,
+            "turn_on_bias": constant_variance,
+            "levelling": levelling,
+        },
+        rate_variance=constant_variance + noise_variance + spread + levelling,
+        vertical_variance=constant_variance + variance_z,
+        tones=float(told[15]),
+        masked_s=float(told[16]),
+        beyond=float(told[17]) if scales.known else 0.0,
         mean_l=blocks.rate_l[index].mean(axis=0),
         roll=float(blocks.roll[index]),
         pitch=float(blocks.pitch[index]),

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
-from gyronorth.alignment.tones.unexplained import STILL, Motion
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.sensor import TriadErrors
@@ -105,7 +105,7 @@ class ToneLaw:
 
 
 @lru_cache(maxsize=16)
-def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: Motion) -> Array:
+def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion) -> Array:
     """What whitens the first `blocks` times 300 samples: a matrix, or its diagonal for white noise alone.
 
     Of fewer samples it is the first rows and columns: what comes later does not change their covariance, so that a
@@ -121,7 +121,7 @@ def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: Motion) 
 
 
 @lru_cache(maxsize=16)
-def law(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> ToneLaw:
+def law(samples: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL) -> ToneLaw:
     """The law for recordings of one length of one sensor, whose platform may move."""
     whiten = _whitener(-(-samples // BLOCK), rate_hz, errors, motion)
     whiten = whiten[:samples] if whiten.ndim == 1 else whiten[:samples, :samples]

@@ -22,9 +22,10 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, ToneLaw, columns, law, network_axes
 from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
 from gyronorth.alignment.tones.side_by_side import Proposing, Search, Weighing, searched
-from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
-from gyronorth.angles import wrap_heading
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
+from gyronorth.angles import mean_direction, wrap_heading
 from gyronorth.arrays import Array, Mask
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 
@@ -134,13 +135,13 @@ class Explored:
 
 
 def explored(
-    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: Motion = STILL
+    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL
 ) -> Explored:
     """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
     return searched([exploring(gyro_l, rate_hz=rate_hz, errors=errors, motion=motion)], _each(propose))[0]
 
 
-def exploring(gyro_l: Array, *, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> Search[Explored]:
+def exploring(gyro_l: Array, *, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL) -> Search[Explored]:
     """The search of `explored`, for `searched`."""
     known = law(len(gyro_l), rate_hz, errors, motion)
     noise = errors.white * np.sqrt(rate_hz)
@@ -268,7 +269,7 @@ def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, e
     bias, some = np.nonzero(weight > NEGLIGIBLE)
     weight, concentration = weight[bias, some] / weight[bias, some].sum(), concentration[bias, some]
     slow, which, rate, last = slow[some], which[some], rate[:, some], len(models.log_weight) - 1
-    heading, sigma, low, high = posterior(np.arctan2(-rate[1], rate[0]), concentration, weight)
+    heading, sigma, low, high = posterior(heading_of_rate(rate.T), concentration, weight)
     return Amortised(
         heading=heading,
         sigma=sigma,
@@ -294,7 +295,7 @@ def posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float
     from scipy.special import i0e, i1e
 
     pull = weight * i1e(concentration) / i0e(concentration)
-    mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
+    mean = float(mean_direction(centre, pull))
     off = (centre - mean + np.pi) % (2 * np.pi) - np.pi
     spread = float(np.sqrt(weight @ (off**2 + 1 / np.maximum(concentration, 0.1))))
     # A window that holds the mass, or the whole circle.

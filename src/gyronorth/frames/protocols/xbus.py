@@ -18,8 +18,8 @@ import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.frames.checksums import column
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16
-from gyronorth.frames.protocols.tagged import Blocks, layouts_of
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Options, Protocol, Scale, at_sync, u16
+from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _MTDATA2 = 0x36
 _COUNTER, _TIME, _STATUS, _TEMPERATURE = 0x1020, 0x1060, 0xE020, 0x0810
@@ -88,9 +88,18 @@ def _reads(layout: int) -> int:
     return (gyro or rate) | accel | layout & (_BITS[_TIME] | _BITS[_COUNTER] | _BITS[_TEMPERATURE])
 
 
-def _has_force(row: Bytes) -> bool:
-    blocks, _ = _parse(row) or ({}, None)
-    return row[2] == _MTDATA2 and any(name in blocks for name in (_DELTA_V, _ACCEL, _ACCEL_HR))
+def _force(rows: Bytes, interval: float) -> Force:
+    """Acceleration, else the velocity gained in the interval."""
+    force = Force.none(len(rows))
+    for index, blocks, _ in groups_of(rows, _parse):
+        read = next((name for name in (_ACCEL, _ACCEL_HR, _DELTA_V) if name in blocks), None)
+        if read is None or rows[index[0], 2] != _MTDATA2:
+            continue
+        force.here[index] = True
+        force.value[index] = _numbers(rows[index], blocks[read], 3) / (interval if read == _DELTA_V else 1.0)
+        if _STATUS in blocks:
+            force.saturated[index] = (column(rows[index], blocks[_STATUS][0], ">u4") & _CLIPPED) != 0
+    return force
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -150,5 +159,5 @@ def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
 
 
 PROTOCOL = Protocol(
-    "xbus", _HEAD, _starts, _whole, _layouts, _fields, reads=_reads, has_force=_has_force, scale=_scale, weak=True
+    "xbus", _HEAD, _starts, _whole, _layouts, _fields, reads=_reads, force=_force, scale=_scale, weak=True
 )
