@@ -79,7 +79,7 @@ def test_another_choice_of_the_epoch_is_another_unit(monkeypatch, selection):
     monkeypatch.setattr(paper_best, "OWN_NETWORK", merged(OWN_NETWORK, SMALL))
     plan = StudyPlan(network_splits=1, epochs=2, selection=selection)
     plans = (plan, StudyPlan(network_splits=1, epochs=2))
-    unit, honest = (next(iter(paper_best._jobs(one).values()))[0] for one in plans)
+    unit, honest = (next(iter(paper_best.jobs_of(one).values()))[0] for one in plans)
     assert unit.name != honest.name
     epochs = unit.function(**unit.arguments)["epoch"]
     assert epochs == [2] * paper_best.MEMBERS if selection == "last" else set(epochs) <= {1, 2}
