@@ -14,7 +14,8 @@ from scipy.signal import lfilter
 
 from benchmarks.comparison import Comparison
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
-from gyronorth.sensor.drawing import Law, draw
+from gyronorth.sensor.drawing import draw
+from gyronorth.sensor.terms import ProcessLaw
 from gyronorth.simulation import sensor_errors, simulate_batch
 
 SAMPLES = 1_000_000
@@ -140,5 +141,5 @@ def _lfilter_errors(white: float, rng: np.random.Generator):
 
 
 def _markov_errors(white: float, rng: np.random.Generator):
-    law = Law(white, processes=((MARKOV_SIGMA**2, TIME_CONSTANT),))
+    law = ProcessLaw(white, processes=((MARKOV_SIGMA**2, TIME_CONSTANT),))
     return draw(law, (1, SAMPLES), RATE_HZ, constant=np.zeros((1, 3)), rng=rng)

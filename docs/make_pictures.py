@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon, Wedge
 
 import gyronorth as gn
-from gyronorth.alignment.gates import judge
+from gyronorth.alignment.judging import judge
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS, Options
 from gyronorth.allan import identify
@@ -228,7 +228,7 @@ def interval_and_limits() -> Figure:
     middle.set_title(f"refused: {refused.reasons[0].code}", loc="center", color=RED)
     problem = Problem(recording.gyro_b, recording.accel_b, recording.rate_hz, LATITUDE, gn.read_sensor("sdc500"))
     mean = METHODS["mean"]
-    gates = {gate.code: gate for gate in judge(problem, mean.solve(problem, Options()), mean.info.gates)}
+    gates = {gate.code: gate for gate in judge(problem, mean.solve(problem, Options()))}
     gates = [gates[code] for code in ("motion", "too_noisy", "implied_latitude", "rate_norm")]
     for row, gate in enumerate(gates):
         right.barh(row, float(gate.value / gate.limit), height=0.45, color=BLUE)

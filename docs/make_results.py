@@ -18,6 +18,13 @@ becomes a cell of a study: `table` is the table's title or its beginning, `row` 
     ```
 
 becomes a table with the result and whether the claim holds. A limit is `<= x`, `>= x` or `x to y`, without a unit.
+A claim may end in ` | study | table | row | column` of the same figure without the tests that are lost, which then
+stands beside it. What stands between
+
+    ```with study
+    ```
+
+is left out where there is no such study yet.
 """
 
 from __future__ import annotations
@@ -67,6 +74,8 @@ def studies_of(benchmark: str) -> dict[str, Study]:
 def page(benchmark: str, studies: dict[str, Study]) -> str:
     """The whole page as Markdown."""
     intro = (PAGES / f"{benchmark}.intro.md").read_text(encoding="utf-8").strip()
+    there = re.compile(r"^```with (\S+)\n(.*?)^```(?:\n+|$)", re.M | re.S)
+    intro = there.sub(lambda found: f"{found[2]}\n" if found[1] in studies else "", intro)
     intro = re.sub(r"^```claims\n(.*?)^```", lambda found: claims(found[1], studies), intro, flags=re.M | re.S)
     intro = re.sub(r"\{\{(.*?)\}\}", lambda found: cell_text(cell(studies, *parts(found[1]))), intro)
     return "\n\n".join([WRITTEN, intro, *(section(study, benchmark) for study in studies.values())]) + "\n"
@@ -130,13 +139,18 @@ def parts(text: str) -> list[str]:
 
 
 def claims(text: str, studies: dict[str, Study]) -> str:
-    """A table of claims and verdicts."""
+    """A table of claims and verdicts, with a column for tests that are not lost if any claim has it."""
     rows = []
     for line in text.splitlines():
-        claim, *where, limit = parts(line)
-        found = cell(studies, *where)
-        rows.append((claim, limit_text(limit), found, verdict(found, limit)))
-    return rows_markdown(("claim", "required", "result", "verdict"), rows)
+        claim, study, table, row, column, limit, *kept = parts(line)
+        found = cell(studies, study, table, row, column)
+        beside = cell(studies, *kept) if kept else None
+        if beside is not None:
+            beside = f"{cell_text(beside)}: {verdict(beside, limit)}"
+        rows.append((claim, limit_text(limit), found, verdict(found, limit), beside))
+    columns = ("claim", "required", "result", "verdict", "of tests not lost")
+    shown = len(columns) if any(row[-1] is not None for row in rows) else len(columns) - 1
+    return rows_markdown(columns[:shown], [row[:shown] for row in rows])
 
 
 def bounds(limit: str) -> tuple[float, float]:

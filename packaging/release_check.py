@@ -18,7 +18,7 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
-from metadata import repository
+from metadata import cited, repository
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "out" / "release"
@@ -51,13 +51,19 @@ def versions() -> str:
     wrong = {name: found[1] if found else None for name, found in stated.items() if not found or found[1] != VERSION}
     assert not wrong, f"pyproject.toml says {VERSION}, but {wrong}"
     newest = re.search(r"^## (.+)$", text("CHANGELOG.md"), re.MULTILINE)
-    return VERSION if newest and VERSION in newest[1] else f"{VERSION}; CHANGELOG.md has no heading for it yet"
+    dated = newest and re.fullmatch(rf"\[?{re.escape(VERSION)}\]? - (\d{{4}}-\d\d-\d\d)", newest[1])
+    assert dated, f"CHANGELOG.md begins with `{newest and newest[1]}`; a release needs `{VERSION} - ` and its date"
+    return f"{VERSION}, {dated[1]}"
 
 
 def address() -> str:
-    """Whether CITATION.cff states where the project lives: then links on a package index point there."""
-    where = repository(text("CITATION.cff"))
-    return where or "CITATION.cff states no repository-code: README's links become plain text on an index"
+    """The address is known: `Source` of pyproject.toml is no placeholder, CITATION.cff states the same."""
+    where = repository(PROJECT["urls"])
+    placeholder = PROJECT["urls"].get("Source")
+    assert where, f"pyproject.toml: the address is a placeholder ({placeholder}). State it as Source in [project.urls]"
+    stated = cited(text("CITATION.cff"))
+    assert stated == where, f"CITATION.cff says {stated}. State `repository-code: {where}`, as pyproject.toml does"
+    return where
 
 
 def commit() -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import os
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -60,6 +62,13 @@ def test_every_public_name_resolves_and_none_is_a_submodule():
     assert set(gyronorth.__all__) <= set(dir(gyronorth))
 
 
+@pytest.mark.parametrize("name", ["", ".readers", ".simulation", ".allan", ".sensor", ".frames", ".many"])
+def test_a_public_package_shows_its_names_and_nothing_else(name):
+    package = importlib.import_module(f"gyronorth{name}")
+    assert dir(package) == sorted(package.__all__)
+    assert all(getattr(package, each) is not None for each in package.__all__)
+
+
 def test_imports_go_one_way(monkeypatch):
     from importlinter.cli import lint_imports
 
@@ -91,6 +100,20 @@ def test_floors_are_ten_at_most():
     contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]
     assert contract["type"] == "layers"
     assert len(contract["layers"]) <= 10
+
+
+#: What is asked of a method and of a decoder of frames: both public, each in a room of its own.
+SHARED = {"Options"}
+
+
+def test_no_class_shares_its_name_with_another():
+    names = Counter(
+        node.name
+        for path in SOURCES
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    )
+    assert {name for name, count in names.items() if count > 1} <= SHARED
 
 
 def test_sizes():

@@ -22,8 +22,9 @@ LATITUDE = radians(48.0)
 ANGLE = st.floats(-3.1, 3.1)
 
 
-def of(roll=0.0, pitch=0.0, heading=0.0, *, sigma=None, levelling=None, method="mean"):
-    return orientation(roll, pitch, heading, sigma=sigma, levelling=levelling, latitude=LATITUDE, method=method)
+def of(roll=0.0, pitch=0.0, heading=0.0, *, sigma=None, levelling=None, level_in_heading=True):
+    known = {"latitude": LATITUDE, "level_in_heading": level_in_heading}
+    return orientation(roll, pitch, heading, sigma=sigma, levelling=levelling, **known)
 
 
 def test_axes_of_a_level_unit_that_heads_east():
@@ -72,7 +73,7 @@ def test_the_covariance_is_that_of_simulated_units():
 
 def test_what_is_not_known_is_none():
     assert of(sigma=0.01).covariance is None
-    full = of(sigma=0.01, levelling=0.002, method="turned").covariance
+    full = of(sigma=0.01, levelling=0.002, level_in_heading=False).covariance
     assert full is not None
     assert full[0, 2] == 0
     assert full[2, 2] == pytest.approx(1e-4)

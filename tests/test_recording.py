@@ -115,5 +115,5 @@ def test_every_command_chooses_the_latitude_alike():
         lambda latitude: observe(still, latitude),
     ):
         use(0.5601)  # within 0.1 deg: the given one counts
-        with pytest.raises(InputError, match=r"they differ by more than 0\.1 deg"):
+        with pytest.raises(InputError, match=r"may differ by 0\.1 deg"):
             use(0.6)

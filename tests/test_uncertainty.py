@@ -11,7 +11,8 @@ from gyronorth.alignment.gates import WIDEST_CONCENTRATION, WIDEST_HALF_WIDTH
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
-from gyronorth.sensor.law import NoiseLaw, gauss_markov_variance
+from gyronorth.sensor.gauss_markov import gauss_markov_variance
+from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation import sensor_errors
 from gyronorth.uncertainty import (
     NORMAL_975,

@@ -27,6 +27,12 @@ def angle_error(estimate: ArrayLike, truth: ArrayLike) -> NDArray[np.float64]:
     return wrap(np.asarray(estimate, dtype=float) - np.asarray(truth, dtype=float))
 
 
+def mean_direction(angle: ArrayLike, weight: ArrayLike) -> NDArray[np.float64]:
+    """Mean direction in [-pi, pi] rad of angles (n,) with weights (..., n), shape (...)."""
+    angle, weight = np.asarray(angle, dtype=float), np.asarray(weight, dtype=float)
+    return np.arctan2(weight @ np.sin(angle), weight @ np.cos(angle))
+
+
 def circular_mean(angle: ArrayLike, *, axis: int | None = None) -> NDArray[np.float64]:
     """Mean direction in [0, 2 pi) rad (Mardia and Jupp, "Directional Statistics", 2000, eq. 2.2.4)."""
     angle = np.asarray(angle, dtype=float)

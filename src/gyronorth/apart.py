@@ -8,6 +8,7 @@ for it can always be interrupted. Where the system cannot fork (Windows), the wo
 
 from __future__ import annotations
 
+import faulthandler
 import math
 import os
 import pickle
@@ -120,6 +121,8 @@ class Apart:
             why = f"took more than {self._allowed:.0f} s of computing"
         elif number == signal.SIGKILL:
             why = "was ended by the system, which was short of memory"
+        elif number == signal.SIGBUS:  # of a file that is mapped into the memory
+            return f"{self._what} became shorter while it was read. Read it when it is whole."
         else:
             why = f"stopped in the library that decodes it ({name})"
         return (
@@ -143,7 +146,9 @@ def _serve(make: Callable[[], Service], connection: socket.socket, limits: Limit
     try:
         # Ctrl-C reaches the whole group; the parent ends the child. SIGTERM must not run the parent's handler here.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for ending in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(ending, signal.SIG_DFL)
+        faulthandler.disable()  # a crash here is told by the parent
         _limit(limits)
         service, failure = None, None
         try:

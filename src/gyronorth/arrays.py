@@ -1,4 +1,4 @@
-"""Names for the kinds of array that pass between modules; figures of arrays that several rooms need."""
+"""Names for the kinds of array that pass between modules; figures of arrays that several modules need."""
 
 from __future__ import annotations
 

@@ -54,6 +54,24 @@ def level(accel_b: ArrayLike) -> tuple[Array, Array]:
     return np.arctan2(-f_y, -f_z), np.arctan2(f_x, np.hypot(f_y, f_z))
 
 
+def heading_of_rate(rate_l: ArrayLike) -> Array:
+    """Heading, rad in [-pi, pi], from the Earth rate (..., 3) that the level frame sees: atan2(-w_y, w_x) (eq:7)."""
+    rate_l = np.asarray(rate_l, dtype=float)
+    return np.arctan2(-rate_l[..., 1], rate_l[..., 0])
+
+
+def angles_of(mat_nb: ArrayLike) -> tuple[Array, Array, Array]:
+    """Heading in [-pi, pi], roll and pitch, rad, of rotations (..., 3, 3) from the body to the navigation frame."""
+    mat_nb = np.asarray(mat_nb, dtype=float)
+    pitch = -np.arcsin(np.clip(mat_nb[..., 2, 0], -1, 1))
+    return heading_of(mat_nb), np.arctan2(mat_nb[..., 2, 1], mat_nb[..., 2, 2]), pitch
+
+
+def heading_of(mat_nb: Array) -> Array:
+    """The heading of `angles_of` alone."""
+    return np.arctan2(mat_nb[..., 1, 0], mat_nb[..., 0, 0])
+
+
 def mat_lb(roll: ArrayLike, pitch: ArrayLike) -> Array:
     """Rotation from the body frame to the level frame, shape (..., 3, 3)."""
     return np.swapaxes(mat_bn(roll, pitch, np.zeros_like(np.asarray(roll, dtype=float))), -1, -2)
@@ -207,8 +225,6 @@ def attitude_path(gyro_b: Array, *, rate_hz: float) -> tuple[Array, Array]:
 
 #: Below this latitude, rad, the share of levelling in the heading does not tell how well it is level.
 FLAT = 1e-3
-#: Methods whose heading is read from the mean rate, so that an error of level is in it.
-FROM_THE_RATE = ("mean", "inertial", "bayes", "learned", "posterior")
 #: Quaternion from n to east-north-up, and from forward-left-up to b: half turns about (1, 1, 0) and about x.
 _ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 _FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])
@@ -254,7 +270,7 @@ def orientation(
     sigma: float | None,
     levelling: float | None,
     latitude: float,
-    method: str,
+    level_in_heading: bool,
 ) -> Orientation:
     """The orientation of angles.
 
@@ -268,14 +284,14 @@ def orientation(
         The share of it that comes from levelling, rad.
     latitude : float
         rad.
-    method : str
-        That found the heading.
+    level_in_heading : bool
+        Whether the heading is read from the mean rate, so that an error of level is in it.
     """
     matrix = mat_bn(roll, pitch, heading).T
     covariance = None
     if sigma is not None and levelling and abs(latitude) > FLAT:
         tangent = np.tan(latitude)
         level = (min(levelling, sigma) / tangent) ** 2
-        cross = -tangent * level if method in FROM_THE_RATE else 0.0
+        cross = -tangent * level if level_in_heading else 0.0
         covariance = np.array([[level, 0.0, cross], [0.0, level, 0.0], [cross, 0.0, sigma**2]])
     return Orientation(quaternion_nb(roll, pitch, heading), matrix, covariance, float(wrap(np.pi / 2 - heading)))

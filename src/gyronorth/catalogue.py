@@ -1,4 +1,4 @@
-"""The names of the house, as plain data: methods, findings, formats, kinds of disturbance.
+"""The names that the package knows, as plain data: methods, findings, formats, kinds of disturbance.
 
 It imports nothing heavy, so that `--help`, the enumerations of the command line, the documentation and the live page
 can read it at no cost. A row says what is true of an entry; what it does stands in the module that the row names.
@@ -29,8 +29,10 @@ class MethodInfo:
     memory: Literal["all", "last_window"] = "all"  # what of a long stream it looks at
     batched: bool = False  # takes leading dimensions at once
     plannable: bool = False  # `plan` predicts its sigma
+    least_poses: int = 1  # fewer tell it nothing
+    level_in_heading: bool = True  # its heading is that of the mean rate: an error of level is in it
     along_time: str = "mean"  # method whose heading against time is drawn beside it
-    gates: tuple[str, ...] = ("rate", "width", "motion")  # names of `alignment.gates.GATES` that judge its result
+    gates: tuple[str, ...] = ("rate", "width", "motion")  # names of `alignment.judging.GATES` that judge its claim
 
 
 #: Every method, in the order of --help.
@@ -65,6 +67,8 @@ METHODS: tuple[MethodInfo, ...] = (
         "gyronorth.alignment.methods.turned",
         takes_attitude=False,
         takes_turn_angles=True,
+        least_poses=2,
+        level_in_heading=False,
         along_time="turned",
         gates=("width",),
     ),
@@ -94,6 +98,7 @@ METHODS: tuple[MethodInfo, ...] = (
         "gyronorth.alignment.methods.network",
         takes_bundle=True,
         memory="last_window",
+        level_in_heading=False,
     ),
     MethodInfo(
         "baseline",
@@ -101,6 +106,7 @@ METHODS: tuple[MethodInfo, ...] = (
         "gyronorth.alignment.methods.network",
         takes_bundle=True,
         memory="last_window",
+        level_in_heading=False,
     ),
 )
 
@@ -174,7 +180,8 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("rate_assumed", "warning", "rate assumed", "The frames do not say at which rate they come."),
     FindingInfo("units_assumed", "warning", "units assumed", "The frames do not say in which units they are."),
     FindingInfo("range_assumed", "warning", "range assumed", "The frames do not say the accelerometer's range."),
-    FindingInfo("force_left_out", "warning", "force left out", "Specific force comes less often than the rate."),
+    FindingInfo("force_left_out", "warning", "force left out", "Specific force comes far less often than the rate."),
+    FindingInfo("force_paired", "warning", "averaged to the force", "Specific force comes less often than the rate."),
     FindingInfo("configuration_changed", "warning", "reconfigured", "The unit sent another configuration on the way."),
     FindingInfo("layout_changed", "warning", "other messages", "The unit sends other messages than at the start."),
     FindingInfo("rate_changed", "warning", "another rate", "The unit was set to another rate on the way."),

@@ -147,7 +147,7 @@ def block_means(x: Array, size: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Noise:
+class MeasuredNoise:
     """White noise that a recording shows of itself (arrays over recordings)."""
 
     density: Array  # noise density at low frequency, (unit of x) sqrt(s), pooled over axes
@@ -155,7 +155,7 @@ class Noise:
     excess_limit: float  # 99.9 % point of `excess` for white noise
 
 
-def noise_density(x: Array, *, rate_hz: float) -> Noise:
+def noise_density(x: Array, *, rate_hz: float) -> MeasuredNoise:
     """White-noise density of the mean of a record, from two Allan variances, at short and at long averaging times.
 
     Parameters
@@ -178,7 +178,7 @@ def noise_density(x: Array, *, rate_hz: float) -> Noise:
     at_short, dof_short = _allan_variance_time(x, short)
     at_long, dof_long = _allan_variance_time(x, long)
     tiny = np.finfo(float).tiny
-    return Noise(
+    return MeasuredNoise(
         density=np.sqrt(np.minimum(at_short, at_long) / rate_hz),
         excess=at_short / np.maximum(at_long, tiny),
         excess_limit=fisher_upper(dof_short, dof_long) if long > short else np.inf,

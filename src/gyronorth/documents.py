@@ -131,15 +131,6 @@ class CalibrationDocument(TypedDict):
     rows: list[SwingRow]
 
 
-class TermDocument(TypedDict):
-    """One identified error term."""
-
-    value: float | None
-    low: float
-    high: float
-    status: str
-
-
 class AllanDocument(TypedDict):
     """`gyronorth allan --json`; `gyro` and `accel` hold curves and terms under keys with units."""
 

@@ -128,6 +128,7 @@ class HeadingEstimate:
     disturbance: DisturbanceFound | None = None  # where a method was tried that models disturbance
     checks: tuple[Check, ...] = ()  # every gate that judged the heading, passed or not
     posterior: HeadingDensity | None = field(default=None, compare=False)  # of the method `posterior`
+    level_in_heading: bool = True  # whether an error of level is in the heading (`catalogue.MethodInfo`)
 
     @property
     def valid(self) -> bool:
@@ -200,7 +201,7 @@ class HeadingEstimate:
             sigma=self.sigma,
             levelling=self.sigma_parts.get("levelling"),
             latitude=self.latitude,
-            method=self.method,
+            level_in_heading=self.level_in_heading,
         )
 
     @property

@@ -1,16 +1,18 @@
 """Outputs appear whole or not at all: written beside their place under a name nobody can guess, then renamed into it.
 
 What stood there stays until the new one is whole, and its permissions go over to it. If the
-writing fails, is interrupted or is ended by SIGTERM, nothing is left beside it. What the
+writing fails, is interrupted or is ended by SIGTERM or SIGHUP, nothing is left beside it. What the
 operating system refuses becomes one `InputError` that names the place and the cause.
 """
 
 from __future__ import annotations
 
 import errno
+import gc
 import os
 import signal
 import threading
+import traceback
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -58,7 +60,7 @@ def written_beside(path: str | os.PathLike[str], *, durable: bool = False) -> Ge
             yield path
             return
         mode = path.stat().st_mode & 0o7777 if path.exists() else None
-        with _until_sigterm():
+        with unwound_by_signals():
             try:
                 # Exclusively: whatever is there already, a link too, is not written through. Never wider than the old.
                 os.close(os.open(beside, _NEW_FILE, 0o666 if mode is None else mode & 0o666 | 0o600))
@@ -86,7 +88,7 @@ def folder_beside(folder: str | os.PathLike[str]) -> Generator[Path]:
     folder = Path(folder)
     target, beside = Path(os.path.realpath(folder)), _beside(folder)
     old = beside.with_suffix(".old")
-    with _errors_told(folder, beside), _until_sigterm(), no_empty_folder(target.parent):
+    with _errors_told(folder, beside), unwound_by_signals(), no_empty_folder(target.parent):
         try:
             if target.exists() and not target.is_dir():
                 raise NotADirectoryError(errno.EEXIST, "a file of that name is there")
@@ -138,6 +140,21 @@ def read_bounded(path: Path, most: int) -> bytes:
     if len(content) > most:
         raise InputError(f"{path} has more than {most} bytes, more than any such file needs: it is another one.")
     return content
+
+
+@contextmanager
+def temporary_files_told() -> Generator[None]:
+    """Turn what the operating system says of the folder of temporary files into one message."""
+    try:
+        yield
+    except OSError as error:
+        import tempfile
+
+        where = "" if tempfile.tempdir is None else f" in {tempfile.tempdir}"
+        raise InputError(
+            f"A temporary file cannot be written{where}: {error.strerror or error}. Free some space there, or set "
+            "TMPDIR to a folder that you may write in, on a disk with room."
+        ) from error
 
 
 @contextmanager
@@ -204,27 +221,44 @@ def _errors_told(path: Path, beside: Path) -> Generator[None]:
         raise InputError(f"{message} {cure}." if cure else message) from error
 
 
-class _Terminated(BaseException):
-    """SIGTERM came: what is half written goes, then the process ends as it was told to."""
+#: What ends a process from outside: a service manager, `timeout`, a terminal that is closed.
+_ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+class _Ended(BaseException):
+    """A signal came: what is half written goes, then the process ends as it was told to."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
 
 
 @contextmanager
-def _until_sigterm() -> Generator[None]:
-    """Let SIGTERM unwind the block before it ends the process, where nothing else waits for that signal."""
-    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    if not ours:
-        yield
-        return
+def unwound_by_signals() -> Generator[None]:
+    """Let SIGTERM and SIGHUP unwind the block before they end the process, where nothing else waits for them.
 
-    def unwind(*_: object) -> NoReturn:
-        raise _Terminated
+    A second one ends it at once.
+    """
+    in_main = threading.current_thread() is threading.main_thread()
+    ours = [each for each in _ENDING if in_main and signal.getsignal(each) is signal.SIG_DFL]
 
-    signal.signal(signal.SIGTERM, unwind)
+    def unwind(number: int, _: object) -> NoReturn:
+        usual()
+        raise _Ended(number)
+
+    def usual() -> None:
+        for each in ours:
+            signal.signal(each, signal.SIG_DFL)
+
+    for each in ours:
+        signal.signal(each, unwind)
     try:
         yield
-    except _Terminated:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        os.kill(os.getpid(), signal.SIGTERM)
+    except _Ended as end:
+        if ours:
+            traceback.clear_frames(end.__traceback__)  # what they held goes: temporary files
+            gc.collect()
+            signal.raise_signal(end.number)
         raise
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        usual()

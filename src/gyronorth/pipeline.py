@@ -1,4 +1,4 @@
-"""From a recording, or a batch, to headings with sigma and verdict: joins the rooms."""
+"""From a recording, or a batch, to headings with sigma and verdict."""
 
 from __future__ import annotations
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, angle_error, cyclic_rmse, wrap_heading
 from gyronorth.arrays import Array
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.recording import Note, Recording
@@ -154,7 +155,7 @@ def published_twin(*, rate_hz: float = 3.0, rng: np.random.Generator) -> Twin:
 def model_based(gyro_l: Array) -> Array:
     """Heading of the mean of levelled rates (m, n, 3), rad in [0, 2 pi): atan2(-w_y, w_x)."""
     mean = gyro_l.mean(axis=-2)
-    return wrap_heading(np.arctan2(-mean[..., 1], mean[..., 0]))
+    return wrap_heading(heading_of_rate(mean))
 
 
 def duration_curve(twin: Twin, durations: Array) -> Array:

@@ -137,18 +137,29 @@ def chosen_latitude(given: float | None, stored: float | None, source: str) -> f
             f"The latitude is {given:g} rad, {np.degrees(given):g} deg; a value in [-90, 90] deg, given in rad, "
             "is expected."
         )
-    if given is not None and stored is not None and abs(given - stored) > LATITUDE_CONFLICT:
-        raise InputError(
-            f"Latitude {np.degrees(given):.4f} deg was given, but {source or 'the recording'} says "
-            f"{np.degrees(stored):.4f} deg; they differ by more than 0.1 deg. Correct one of them."
-        )
-    known = stored if given is None else given
+    known = agreed_latitude(given, stored, source)
     if known is None:
         raise InputError(
             "The latitude is not known: neither given nor in the file. Pass --latitude DEG (north positive); "
             "Earth rate cannot be read without it."
         )
     return float(known)
+
+
+def agreed_latitude(given: float | None, stored: float | None, source: str) -> float | None:
+    """The latitude given, rad, or else that of the file; None where neither is known.
+
+    Raises
+    ------
+    InputError
+        If the two differ by more than `LATITUDE_CONFLICT`.
+    """
+    if given is not None and stored is not None and not abs(given - stored) <= LATITUDE_CONFLICT:
+        raise InputError(
+            f"{source or 'The recording'} states latitude {np.degrees(stored):.4f} deg; {np.degrees(given):.4f} deg is "
+            f"given. They may differ by {np.degrees(LATITUDE_CONFLICT):.1f} deg: leave --latitude out, or correct it."
+        )
+    return stored if given is None else given
 
 
 def window_samples(start: float, end: float, *, rate_hz: float, samples: int) -> tuple[int, int]:

@@ -100,8 +100,8 @@ class StreamingHeading:
         self._deviation, self._session = deviation, session
         trial = _still_unit(self.rate_hz, self.latitude, accelerometer)
         self.restart()
-        # One pose alone tells a fit of turns nothing.
-        trial_method = "auto" if method == "turned" and attitude is None else method
+        several = registry.METHODS.info(method).least_poses > 1 and attitude is None
+        trial_method = "auto" if several else method
         self._solved(self._of(trial.gyro_b, trial.accel_b, trial.rate_hz), trial_method)
 
     def restart(self) -> None:
@@ -187,7 +187,7 @@ class StreamingHeading:
             found = self._solved(problem, self._method)
         except InputError as error:  # the settings are right, so it is the recording that will not do yet
             return self._too_short(str(error))
-        if found.method == "turned" and len(found.poses) > MOST_POSES:
+        if len(found.poses) > MOST_POSES:
             store.drop(round(found.poses[-MOST_POSES].start * store.rate_hz))
             return self.solve()
         return replace(found, warnings=(*found.warnings, *self._limits(problem.duration)))

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 from gyronorth.arrays import Array
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import NoiseLaw, Weighting
+from gyronorth.sensor.gauss_markov import Weighting
+from gyronorth.sensor.law import NoiseLaw
 
 #: 97.5 % points of the normal law and of Student's t with 2 degrees of freedom.
 NORMAL_975 = 1.959964

@@ -62,7 +62,9 @@ def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg, runs)
         ("mean", 1000),
         ("auto", 50),
         ("inertial", 1000),
-        *(pytest.param(method, 5000, marks=pytest.mark.long) for method in ("mean", "auto", "inertial")),
+        pytest.param("mean", 5000, marks=pytest.mark.long),
+        pytest.param("auto", 1000, marks=pytest.mark.long),
+        pytest.param("inertial", 5000, marks=pytest.mark.long),
     ],
 )
 def test_sdc500_interval_covers_and_refuses_few(method, count):
@@ -78,7 +80,7 @@ def test_sdc500_interval_covers_and_refuses_few(method, count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("runs", [6, pytest.param(3000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("runs", [6, pytest.param(500, marks=pytest.mark.long)])
 def test_auto_costs_nothing_on_quiet_recordings(runs):
     truth, gyro, accel = simulated("sdc500", runs, seed=3)
     for sensor in ("sdc500", None):
@@ -86,7 +88,7 @@ def test_auto_costs_nothing_on_quiet_recordings(runs):
         auto, mean = (heading_batch(gyro, accel, method=method, **options) for method in ("auto", "mean"))
         squares = [angle_error(batch.heading, truth) ** 2 for batch in (auto, mean)]
         chance = 3.3 * np.std(squares[0] - squares[1]) / np.sqrt(runs)
-        assert np.mean(squares[0]) <= 1.08**2 * np.mean(squares[1]) + (chance if runs < 3000 else 0.0)
+        assert np.mean(squares[0]) <= 1.08**2 * np.mean(squares[1]) + chance
 
 
 @pytest.mark.parametrize("method", ["mean", pytest.param("auto", marks=pytest.mark.long)])
@@ -115,11 +117,11 @@ def test_interval_without_a_profile_covers(bias_deg_h):
 
 
 def sways():
-    """Each sensor and amplitude over 600 runs; one, where the methods differ most, over 12 in every `make test`."""
+    """Each sensor and amplitude over 150 runs; one, where the methods differ most, over 12 in every `make test`."""
     yield pytest.param("hg9900", 300, 12, id="hg9900-300-12")
     for name in ("sdc500", "hg9900"):
         for arcsec in (5, 30, 300):
-            yield pytest.param(name, arcsec, 600, id=f"{name}-{arcsec}-600", marks=pytest.mark.long)
+            yield pytest.param(name, arcsec, 150, id=f"{name}-{arcsec}-150", marks=pytest.mark.long)
 
 
 @pytest.mark.slow
@@ -135,7 +137,7 @@ def test_sway_is_in_sigma(name, arcsec, count):
     for method in ("mean", "auto"):
         batch = heading_batch(gyro, accel, rate_hz=RATE_HZ, latitude=LATITUDE, sensor=name, method=method)
         errors[method] = rms(angle_error(batch.heading, truth))
-        # 95 % of 600 runs is known to 0.9 %, of 12 to 6.3 %; sway is no Gaussian, and tilts as seen are not exact.
+        # 95 % of 150 runs is known to 1.8 %, of 12 to 6.3 %; sway is no Gaussian, and tilts as seen are not exact.
         assert covered(batch, truth) > 0.95 - 4.5 * np.sqrt(0.95 * 0.05 / count)
         assert np.mean(~batch.valid) <= max(0.015, 3 / count)
     assert errors["auto"] < 1.06 * errors["mean"]

@@ -112,7 +112,7 @@ def test_too_few_samples_or_seconds():
 
 
 def test_saturation():
-    gate = saturation_gate(np.array([0.99, 1.0]), limit=1.0, what="gyro", unit=1.0, unit_name="rad/s")
+    gate = saturation_gate(np.array([0.99, 1.0]), limit=1.0, what="gyro", unit=1.0, unit_name="rad/s", quantity="rate")
     assert gate.failed.tolist() == [False, True]
 
 

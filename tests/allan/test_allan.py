@@ -23,7 +23,8 @@ from gyronorth.errors import InputError
 from gyronorth.pipeline import heading
 from gyronorth.recording import Gap, Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor, write_sensor
-from gyronorth.sensor.law import NoiseLaw, gauss_markov_allan_variance
+from gyronorth.sensor.gauss_markov import gauss_markov_allan_variance
+from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation import sensor_errors, simulate, simulate_batch
 
 LATITUDE = np.radians(32.11)

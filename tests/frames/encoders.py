@@ -178,10 +178,12 @@ def kvh(n: int = 1500, *, form: str = "A", increments: bool = True, rate: float 
     force = (accel / G).astype(">f4")
     frames = []
     for i in range(n):
-        body = (b"\xfe\x81\xff\x55" if form == "A" else b"\xfe\x81\xff\x56") + sent[i].tobytes() + force[i].tobytes()
+        body = b"\xfe\x81\xff" + bytes((0x55 + "ABC".index(form),)) + sent[i].tobytes() + force[i].tobytes()
         if form == "B":
             body += struct.pack(">I", (4294900000 + 1000 * i) % (1 << 32))
-        body += struct.pack(">BBh", 0x77, i % 128, 29)
+        if form == "C":  # the temperature, or an axis of the magnetic field
+            body += struct.pack(">f", (29.25, 0.1, -0.2, 0.4)[i % 4])
+        body += struct.pack(">BB", 0x77, i % 128) + (b"" if form == "C" else struct.pack(">h", 29))
         frames.append(body + crc32_msb(body).to_bytes(4, "big"))
     options = Options(rate_hz=rate, gyro_unit="rad/s", increments="gyro" if increments else "none")
     return Case(
@@ -422,6 +424,7 @@ CASES: dict[str, Callable[[int], Case]] = {
     "kvh-A-angle": lambda n: kvh(n),
     "kvh-A-rate": lambda n: kvh(n, increments=False),
     "kvh-B-angle": lambda n: kvh(n, form="B"),
+    "kvh-C-angle": lambda n: kvh(n, form="C"),
     "hg4930": lambda n: hg4930(n),
     "sbg-short": lambda n: sbg(n),
     "sbg-data": lambda n: sbg(n, short=False),

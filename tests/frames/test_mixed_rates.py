@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import struct
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from frames import encoders
 
 from gyronorth.errors import InputError
-from gyronorth.frames import Options, Report, decode
+from gyronorth.frames import FrameStream, Options, Report, Samples, decode
+from gyronorth.frames.samples import joined
 
 N, RATE_HZ = 200, 500.0
 RATES, FORCES = encoders.signal(N, encoders.FRD)
@@ -24,9 +26,12 @@ def big(values: np.ndarray) -> bytes:
     return struct.pack(">3f", *values)
 
 
-def mip(i: int, *, delta: bool, force: bool) -> bytes:
+def mip(i: int, *, delta: bool, force: bool, over: int = 1) -> bytes:
+    """`over`: samples over which the velocity was gained."""
     gyro = (0x07, big(RATES[i % N] / RATE_HZ)) if delta else (0x05, big(RATES[i % N]))
-    accel = (0x08, big(FORCES[i % N] / encoders.G / RATE_HZ)) if delta else (0x04, big(FORCES[i % N] / encoders.G))
+    accel = (
+        (0x08, big(FORCES[i % N] / encoders.G / RATE_HZ * over)) if delta else (0x04, big(FORCES[i % N] / encoders.G))
+    )
     return encoders.mip_frame([(0xD5, struct.pack(">Q", i * 2_000_000)), gyro, *([accel] if force else [])])
 
 
@@ -44,23 +49,94 @@ def slower_vectornav(i: int, every: int) -> bytes:
     return gyro + (accel if i % every == 0 else b"")
 
 
-@pytest.mark.parametrize("every", [2, 5])
-@pytest.mark.parametrize(
-    "frame",
-    [
-        lambda i, every: mip(i, delta=False, force=i % every == 0),
-        lambda i, every: mip(i, delta=True, force=i % every == 0),
-        lambda i, every: xbus(i, force=i % every == 0),
-        slower_vectornav,
-    ],
-    ids=["mip", "mip-delta", "xbus", "vectornav"],
-)
-def test_specific_force_at_a_lower_rate_is_left_out_and_told(frame, every):
-    samples, report = decode(b"".join(frame(i, every) for i in range(N)))
-    assert samples.accel is None
-    assert np.abs(samples.gyro - AS_SENT).max() < 1e-9  # an increment read over two intervals would be half
-    assert (len(samples), report.lost, report.rate_hz) == (N, 0, RATE_HZ)
-    assert codes(report) == ["force_left_out"]
+def inertial_labs(i: int, every: int) -> bytes:
+    time, angle = (
+        struct.pack("<I", 604_799_900 + 2 * i if i < 50 else 2 * i - 100),
+        np.round(np.degrees(RATES[i]) * 1e5),
+    )
+    gyro = encoders.inertial_labs_frame(b"\x01\x21", time + struct.pack("<3i", *angle.astype(int)))
+    force = np.round(FORCES[i] / encoders.G * 1e6).astype(int)
+    return gyro + (encoders.inertial_labs_frame(b"\x23", struct.pack("<3i", *force)) if i % every == 0 else b"")
+
+
+SLOWER = {
+    "mip": lambda i, every: mip(i, delta=False, force=i % every == 0),
+    "mip-delta": lambda i, every: mip(i, delta=True, force=i % every == 0, over=every),
+    "xbus": lambda i, every: xbus(i, force=i % every == 0),
+    "vectornav": slower_vectornav,
+    "inertial-labs": inertial_labs,
+}
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+@pytest.mark.parametrize("name", list(SLOWER))
+def test_rate_is_averaged_to_specific_force_that_comes_less_often(name, every):
+    frames = [SLOWER[name](i, every) for i in range(N)]
+    samples, report = decode(b"".join(frames), name.removesuffix("-delta"))
+    assert (report.rate_hz, report.samples, report.lost) == (RATE_HZ / every, N, 0)
+    assert codes(report) == (["force_paired"] if every > 1 else [])
+    assert samples.accel is not None
+    first = np.flatnonzero(np.arange(N) % every == 0)[-len(samples) :] - every // 2  # the force comes in the middle
+    if every > 1:
+        means = np.array([RATES[at : at + every].mean(axis=0) for at in first if at + every <= N])
+        assert samples.gyro[: len(means)] == pytest.approx(means, abs=2e-7)  # 1e-5 deg/s is the coarsest step
+        assert len(samples) in (len(means), len(means) + 1)
+    assert samples.accel == pytest.approx(FORCES[first + every // 2], rel=1e-6, abs=1e-5)
+    assert samples.number.tolist() == list(range(len(samples)))
+    assert samples.t is not None
+    assert samples.t == pytest.approx(samples.t[0] + np.arange(len(samples)) * every / RATE_HZ)
+
+
+def fed(data: bytes, cuts: list[int]) -> Samples:
+    stream = FrameStream("mip")
+    edges = [0, *cuts, len(data)]
+    parts = [stream.feed(data[first:last]) for first, last in pairwise(edges)]
+    return joined([part for part in (*parts, stream.finish()) if part is not None])
+
+
+def test_means_are_the_same_however_the_stream_is_cut():
+    data = b"".join(mip(i, delta=False, force=i % 7 == 3) for i in range(3 * N))
+    whole, cuts = fed(data, []), np.sort(np.random.default_rng(4).integers(0, len(data), 60)).tolist()
+    for name in ("gyro", "accel", "number", "t", "start"):
+        assert getattr(fed(data, cuts), name) == pytest.approx(getattr(whole, name), abs=1e-12)
+
+
+def test_lost_frames_leave_means_of_what_came():
+    rng = np.random.default_rng(9)
+    keep = rng.random(4000) > 0.01
+    data = b"".join(mip(i, delta=False, force=i % 50 == 0) for i in range(4000) if keep[i])
+    samples, report = decode(data)
+    assert report.rate_hz == RATE_HZ / 50
+    assert samples.t is not None
+    forces = int(keep[::50].sum())
+    assert forces - 2 <= len(samples) <= forces  # none left out for a lost rate, none made up
+    assert np.diff(samples.t) == pytest.approx(np.diff(samples.number) * 0.1, abs=1e-9)
+
+
+def test_stream_whose_specific_force_stops_goes_on_without_it():
+    data = b"".join(mip(i, delta=False, force=i % 5 == 0 and i < 500) for i in range(2000))
+    samples, report = decode(data)
+    assert codes(report) == ["force_paired", "layout_changed"]
+    assert [kind.accel for kind in report.kinds] == [True, False]
+    assert len(samples) > 1400
+
+
+@pytest.mark.parametrize("every", [2.5, 0.5])
+def test_other_ratios_use_each_sample_once(every):
+    gyro = [(0x05, big(RATES[i])) for i in range(N)]
+    force = [(0x04, big(row / encoders.G)) for row in np.repeat(FORCES, 3, axis=0)]
+    data, done = b"", 0
+    for i in range(N):
+        data += encoders.mip_frame([(0xD5, struct.pack(">Q", i * 2_000_000)), gyro[i]])
+        while done * every <= i:
+            data, done = data + encoders.mip_frame([force[done]]), done + 1
+    samples, report = decode(data)
+    per = int(np.ceil(every))
+    assert report.rate_hz == RATE_HZ / per
+    assert samples.accel is not None
+    assert samples.t is not None
+    assert len(samples) >= N // per - 2
+    assert samples.gyro.mean(axis=0) == pytest.approx(RATES.mean(axis=0), abs=5e-6)
 
 
 def test_specific_force_that_is_switched_on_is_taken_from_there():

@@ -380,3 +380,28 @@ def test_a_stream_ends_before_enough_frames():
     assert stream.feed(encoders.sbg(2).frames[0]) is None
     assert stream.finish() is None
     assert stream.report.other == 1
+
+
+@pytest.mark.parametrize("units", [(4, 0), (5, 5), (0, 6)])
+def test_output_units_of_stim_that_are_not_known_are_asked(units):
+    case = encoders.stim(200)
+    data = encoders.stim_configuration(2, units[0], units[1], 0b0100) + b"".join(case.frames)
+    with pytest.raises(InputError, match=r"(?s)output unit 1.*--increments"):
+        decode(data)
+    samples, report = decode(data, options=Options(increments="none"))
+    assert samples.gyro == pytest.approx(case.gyro)
+    assert report.rate_hz == case.rate_hz
+
+
+@pytest.mark.parametrize(("declared", "told"), [(500.0, []), (None, ["rate_conflict"]), (400.0, ["rate_conflict"])])
+def test_usual_rate_says_nothing_against_a_clock_that_agrees_with_a_declaration(declared, told):
+    case = encoders.kvh(300, form="B", rate=1000.0)
+    frames = [kvh_at(frame, 2000 * i) for i, frame in enumerate(case.frames)]
+    _, report = decode(b"".join(frames), options=Options(rate_hz=declared, gyro_unit="rad/s", increments="gyro"))
+    assert report.rate_hz == 500.0
+    assert [finding.code for finding in report.findings] == told
+
+
+def kvh_at(frame: bytes, time_us: int) -> bytes:
+    body = frame[:28] + time_us.to_bytes(4, "big") + frame[32:-4]
+    return body + encoders.crc32_msb(body).to_bytes(4, "big")

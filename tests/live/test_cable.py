@@ -66,8 +66,9 @@ def until(condition) -> None:
         time.sleep(0.02)
 
 
-def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, monkeypatch):
-    case, options = unit("stim", monkeypatch, seconds=24.0)
+@pytest.mark.parametrize(("name", "seconds"), [("stim", 24.0), ("kvh-C-angle", 12.0)])
+def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, monkeypatch, name, seconds):
+    case, options = unit(name, monkeypatch, seconds=seconds)
     inward, outward = Port(tmp_path / "unit"), Port(tmp_path / "bridge")
     source = open_source(f"serial:{inward.link}:921600", options, speed=1)
     settings = LiveSettings(options, save=tmp_path / "rec.csv", method="mean")
@@ -112,15 +113,15 @@ def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, m
     assert {round(line.headingT, 1) for line in sent if line.identity == "HEHDT"} >= {
         round(second.heading_deg, 1) % 360
     }
-    for name, live in (("rec.bin", first), ("rec.2.bin", second)):
-        replayed = Session(open_source(str(tmp_path / name), options, speed=1000), replace(settings, save=None))
+    for raw, live in (("rec.bin", first), ("rec.2.bin", second)):
+        replayed = Session(open_source(str(tmp_path / raw), options, speed=1000), replace(settings, save=None))
         replayed.start()
         assert replayed.ended.wait(90)
         replayed.close()
         assert replayed.status.measured is not None
-        offline = gn.heading(gn.read(tmp_path / name, options), method="mean")
+        offline = gn.heading(gn.read(tmp_path / raw, options), method="mean")
         assert replayed.status.measured.heading == pytest.approx(offline.heading, abs=1e-12)
-        if name == "rec.2.bin":  # the first was asked for while it still came
+        if raw == "rec.2.bin":  # the first was asked for while it still came
             assert replayed.status.measured.heading == live.heading
 
 

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
+from math import radians
 
 import numpy as np
 import pytest
 from frames import encoders
 from frames.encoders import Case
 from live_stream import Played, session_of
+from still import LATITUDE
 from unit_at_rest import HEADING, unit
 
 import gyronorth as gn
+from gyronorth.attitude import mat_bn
+from gyronorth.earth import earth_rate_n
 from gyronorth.errors import InputError
 from gyronorth.live.events import Bytes, Connected, Lost
+from gyronorth.live.frames import FrameReader
 from gyronorth.live.session import LiveSettings, Session
 from gyronorth.live.sources import open_source
+from gyronorth.readers import ReadOptions
 
 
 def damaged(case: Case, share: float = 0.01) -> bytes:
@@ -194,3 +201,38 @@ def test_a_wrong_rate_is_told_and_not_taken(name, monkeypatch, tmp_path):
     assert (read.rate_hz, status.rate_hz) == (case.rate_hz, case.rate_hz)
     for warnings in (read.notes, status.measured.warnings):
         assert "rate_conflict" in {warning.code for warning in warnings}
+
+
+def test_specific_force_at_a_tenth_of_the_rate_gives_the_same_live_as_from_the_capture(tmp_path):
+    """With another recording begun on the way, whose capture replays to what was live."""
+    rng, n, rate_hz = np.random.default_rng(6), 6000, 200.0
+    mat = mat_bn(radians(3.0), radians(-2.0), HEADING)
+    rates = mat @ earth_rate_n(LATITUDE) + 2e-5 * rng.standard_normal((n, 3))
+    forces = mat @ np.array([0.0, 0.0, -1.0]) + 1e-4 * rng.standard_normal((n, 3))
+
+    def packet(i: int, *, force: bool) -> bytes:
+        fields = [(0xD5, struct.pack(">Q", i * 5_000_000)), (0x05, struct.pack(">3f", *rates[i]))]
+        return encoders.mip_frame([*fields, *([(0x04, struct.pack(">3f", *forces[i]))] if force else [])])
+
+    data = b"".join(packet(i, force=i % 10 == 4) for i in range(n))
+    options = ReadOptions(latitude=LATITUDE)
+    session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv", method="mean")
+    (tmp_path / "full.bin").write_bytes(b"".join(packet(i, force=True) for i in range(n)))
+    full = gn.heading(gn.read(tmp_path / "full.bin", options), method="mean")
+    capture = gn.read(tmp_path / "rec.bin", options)
+    offline, live = gn.heading(capture, method="mean"), session.status.measured
+    assert live is not None
+    assert live.heading == pytest.approx(offline.heading, abs=1e-12)
+    assert (capture.rate_hz, [note.code for note in capture.notes]) == (rate_hz / 10, ["force_paired"])
+    assert offline.heading == pytest.approx(full.heading, abs=1e-3)  # its force has three times the noise
+    assert gn.heading(gn.read(tmp_path / "rec.csv"), method="mean").heading == pytest.approx(offline.heading, abs=1e-12)
+    reader = FrameReader("unit", "mip", options)
+    reader.push(data[: 3000 * 40])
+    reader.begin_raw()
+    rows = reader.push(data[3000 * 40 :]) + reader.end()
+    again = FrameReader("unit", "mip", options)
+    replayed = [batch for _, part in reader.raw() for batch in again.push(part)] + again.end()
+    assert np.array_equal(
+        np.concatenate([batch.rows.values[:, 1:] for batch in replayed]),
+        np.concatenate([batch.rows.values[:, 1:] for batch in rows]),
+    )

@@ -19,7 +19,7 @@ from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
 from gyronorth.readers import ReadOptions
 from gyronorth.readers.formats.csv import stated_facts
-from gyronorth.readers.text import LONGEST_LINE
+from gyronorth.readers.text_head import LONGEST_LINE
 
 ROWS = timed_rows(seconds(0, 2))
 GARBAGE = [

@@ -129,7 +129,8 @@ def test_every_state_on_tablet_and_phone(states, shown, page, tmp_path):
             expect(lights).to_contain_text(f"Heading: {name}")
             expect(lights).to_contain_text("Motion: still" if name == "valid" else "Motion: moved")
         if name in ("degraded", "invalid"):
-            expect(alarm).to_have_text("Heading lost: degraded. Do not steer by it.")
+            expect(alarm).to_have_text(f"Heading lost: {name}. Do not steer by it.")
+            expect(page.get_by_role("alert")).to_have_text(f"Heading lost: {name}. Do not steer by it.")
         else:
             expect(alarm).to_be_empty()
         for device, (width, height) in SIZES.items():
@@ -177,7 +178,7 @@ def test_all_is_reached_with_the_keyboard(states, shown, page):
         "Mark (key m)",
         "Stop (key t)",
         "Set the alignment offset",
-        "What came, in numbers",
+        "Input statistics",
     }
     assert wanted <= reached
     assert not [label for label, ring in rings if label in wanted and ring == "nonenone"]

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_stream import HEAD, RATE_HZ, Played, rows_in, seconds, session_of, timed_rows
-from still import HEADING
+from still import HEADING, LATITUDE, TITLES
 
 import gyronorth as gn
 from gyronorth.errors import InputError
@@ -23,7 +23,7 @@ from gyronorth.live import session as session_module
 from gyronorth.live.events import Connected, Lost
 from gyronorth.live.lines import LineReader
 from gyronorth.live.recorder import Recorder, check_place
-from gyronorth.live.reporting import write_report
+from gyronorth.live.reporting import report_text, write_report
 from gyronorth.live.session import LiveSettings, Session
 from gyronorth.live.status import Status
 from gyronorth.live.stretch import Stretch
@@ -392,6 +392,16 @@ def test_a_report_is_written_over_no_other_file(tmp_path):
     assert (tmp_path / "rec.html").read_text() == "mine"
 
 
+@pytest.mark.parametrize("token", [["--token", "a long secret"], ["--token=a long secret"]])
+def test_a_report_states_command_and_recording_but_no_token(tmp_path, monkeypatch, token):
+    monkeypatch.setattr("sys.argv", ["gyronorth", "live", "udp:4000", *token, "--no-page"])
+    session = session_of(HEAD, ROWS, save=tmp_path / "rec.csv")
+    text = report_text(session.status, session.settings)
+    assert "gyronorth live udp:4000 --token" in text
+    assert str(tmp_path / "rec.csv") in text
+    assert "secret" not in text
+
+
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         check_place(tmp_path / "no" / "rec.csv")
@@ -503,3 +513,15 @@ def test_after_kill_9_the_file_holds_whole_rows_and_all_that_had_come(tmp_path):
     assert whole == rows[: len(whole)]
     assert len(whole) >= came - 1
     assert len(gn.read(saved).gyro_b) == len(whole)
+
+
+def test_recording_of_increments_says_that_it_holds_them(tmp_path):
+    rows = [line.split(",") for line in timed_rows(seconds(0, 20))]
+    lines = [",".join([row[0], *(repr(float(value) / RATE_HZ) for value in row[1:])]) + "\n" for row in rows]
+    reading = ReadOptions(increments="both", gyro_unit="rad/s", accel_unit="m/s2", latitude=LATITUDE)
+    session = session_of(",".join(TITLES) + "\n", lines, reading=reading, save=tmp_path / "rec.csv")
+    assert session.error is None
+    assert "# increments: both\n" in (tmp_path / "rec.csv").read_text()
+    live = session.status.measured
+    assert live is not None
+    assert gn.heading(gn.read(tmp_path / "rec.csv"), method="mean").heading == pytest.approx(live.heading, abs=1e-12)

@@ -249,6 +249,41 @@ def test_an_estimator_that_fails_makes_the_heading_invalid(monkeypatch):
     assert "ZeroDivisionError" in measured.reasons[0].message
 
 
+def test_samples_that_cannot_be_taken_up_make_the_heading_invalid(monkeypatch):
+    """Neither they nor a first run that fails end the thread: without it rows would wait, and nothing be recorded."""
+    calls = []
+
+    def add(heading, *samples):
+        calls.append(heading)
+        if len(calls) > 1:
+            raise MemoryError("none left")
+        once(heading, *samples)
+
+    def fails():
+        raise ImportError("failed to map segment")
+
+    once = estimation.StreamingHeading.add
+    monkeypatch.setattr(estimation.StreamingHeading, "add", add)
+    monkeypatch.setattr(estimation, "_warm", fails)
+    monkeypatch.setattr(estimation, "INTERVAL", 0.05)
+
+    def until_taken_up() -> None:
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline and not calls:
+            time.sleep(0.02)
+
+    session = Session(Played(HEAD, ROWS[:3500], until_taken_up, ROWS[3500:]), LiveSettings(ReadOptions()))
+    session.start()
+    assert session.ended.wait(90)
+    session.close()
+    measured = session.status.measured
+    assert len(calls) > 1
+    assert measured is not None
+    assert not measured.valid
+    assert [reason.code for reason in measured.reasons] == ["not_computed"]
+    assert "none left" in measured.reasons[0].message
+
+
 def test_a_heading_less_certain_than_required_is_degraded():
     status = replace(session_of(HEAD, ROWS, require_sigma=radians(1e-4)).status, state="running", unattended=0.0)
     assert status.fitness == "degraded"

@@ -123,3 +123,18 @@ def test_layouts_of_files_are_read_from_a_stream(tmp_path, name):
     reader = streamed(layout.content, [5000], axes="frd")
     if reader.form.decoded is not None:
         assert_allclose(reader.values[:, reader.form.columns.index("w_x")], recording.gyro_b[:, 0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("head", ["t,w_x,w_y,w_z,f_x,f_y,f_z\n", ""])
+def test_counts_are_scaled_as_those_of_a_file(tmp_path, head):
+    rng = np.random.default_rng(5)
+    forces = rng.integers([-90, -90, -65600], [90, 90, -65400], (ROWS, 3))
+    counts = np.column_stack([rng.integers(-900, 900, (ROWS, 3)), forces])
+    rows = "".join(f"{i / 100:.2f},{','.join(map(str, row))}\n" for i, row in enumerate(counts.tolist()))
+    options = {"gyro_unit": "deg/s", "gyro_scale": 2.0**-20, "accel_unit": "g", "accel_scale": 2.0**-16}
+    reader = streamed((head + rows).encode(), [5, 400], **options)
+    si = np.radians(2.0**-20) * np.ones(3), 9.80665 * 2.0**-16 * np.ones(3)
+    assert_allclose(reader.values[:, 1:], counts * np.concatenate(si), rtol=1e-14)
+    if head:
+        recording = as_file(tmp_path, (head + rows).encode(), latitude=0.5, **options)
+        assert_allclose(reader.values[:, 1:4], recording.gyro_b, rtol=1e-12)

@@ -103,6 +103,21 @@ def test_only_what_is_missing_or_changed_is_done_and_the_rest_is_as_it_was(here)
     assert Path("t.csv").read_bytes() == Path("whole.csv").read_bytes()
 
 
+@pytest.mark.parametrize("name", ["rec/t.csv", "rec/t.parquet"])
+def test_a_table_among_the_recordings_is_none_of_them(here, name):
+    if name.endswith("parquet"):
+        pytest.importorskip("pyarrow", reason="pyarrow (extra `io`) is not installed")
+    run("rec", "--out", name)
+    before = Path(name).read_bytes()
+    result = run("rec", "--out", name, "--resume")
+    assert "7 headings: 6 valid" in result.stderr
+    assert Path(name).read_bytes() == before
+    assert "1 failed" in run("rec/*", "--out", "t.csv").stderr
+    Path(name).write_bytes(before[: len(before) // 2])
+    message = "Leave --resume out" if name.endswith("csv") else "one of the recordings"
+    assert message in run("rec", "--out", name, "--resume").stderr
+
+
 def test_other_settings_are_refused_and_named(here):
     run("rec", "--out", "t.csv", "--latitude", 32)
     before = Path("t.csv").read_bytes()

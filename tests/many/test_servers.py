@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
+import gzip
+import os
 import socket
 import threading
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from math import radians
 from pathlib import Path
 
@@ -19,6 +21,8 @@ from typer.testing import CliRunner
 
 import gyronorth as gn
 from gyronorth.cli import app
+from gyronorth.many import cache
+from gyronorth.many.remote import NotFetched, at_hand
 
 pytest.importorskip("fsspec", reason="fsspec (extra `cloud`) is not installed")
 #: What aiohttp says of a connection that was cut, on purpose.
@@ -79,17 +83,26 @@ class Quiet(SimpleHTTPRequestHandler):
 
 
 @contextmanager
-def served(folder: Path, cuts: dict[str, int]) -> Iterator[Cutter]:
-    """A web server with the files of a folder, behind a relay."""
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
+def web_server(handler: Callable[..., BaseHTTPRequestHandler]) -> Iterator[int]:
+    """The port of a web server."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)  # type: ignore[arg-type]
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    cutter = Cutter(server.server_address[1], cuts)
     try:
-        yield cutter
+        yield server.server_address[1]
     finally:
-        cutter.close()
         server.shutdown()
         server.server_close()
+
+
+@contextmanager
+def served(folder: Path, cuts: dict[str, int]) -> Iterator[Cutter]:
+    """A web server with the files of a folder, behind a relay."""
+    with web_server(partial(Quiet, directory=str(folder))) as port:
+        cutter = Cutter(port, cuts)
+        try:
+            yield cutter
+        finally:
+            cutter.close()
 
 
 @pytest.fixture
@@ -130,6 +143,103 @@ def _not_fetched_again(cutter: Cutter, before: int) -> None:
 def test_a_web_server(recordings):
     with served(recordings, {"whole.csv": 0, "once.csv": 1, "always.csv": 1000}) as cutter:
         check(cutter, *(f"http://127.0.0.1:{cutter.port}/{name}.csv" for name in ("whole", "once", "always")))
+
+
+CONTENT = b"0,1,2,3\n" * 1000
+
+
+class Faulty(BaseHTTPRequestHandler):
+    """Answers as the name of the file says."""
+
+    protocol_version = "HTTP/1.1"
+    over = threading.Event()  # the test has ended: who stalls can go
+
+    def log_message(self, *_: object) -> None: ...  # pyright: ignore[reportIncompatibleMethodOverride]
+
+    def do_HEAD(self) -> None:
+        self.answer(b"")
+
+    def do_GET(self) -> None:
+        self.answer(CONTENT)
+
+    def answer(self, body: bytes) -> None:
+        name = self.path.strip("/")
+        status = int(name) if name.isdigit() else 302 if name in ("circle", "moved") else 200
+        self.send_response(status)
+        sent = gzip.compress(CONTENT) if name == "packed" else CONTENT
+        if name in ("circle", "moved"):
+            self.send_header("Location", "/circle" if name == "circle" else "/whole")
+        if name == "packed":
+            self.send_header("Content-Encoding", "gzip")
+        if name in ("unstated", "endless"):
+            self.send_header("Connection", "close")
+        elif name == "pieces":
+            self.send_header("Transfer-Encoding", "chunked")
+        else:
+            self.send_header("Content-Length", str(0 if status != 200 else len(sent) + 10 * (name == "longer")))
+        self.end_headers()
+        if name == "silent":
+            self.over.wait()
+        while body and status == 200:
+            self.wfile.write(b"%x\r\n%b\r\n0\r\n\r\n" % (len(sent), sent) if name == "pieces" else sent)
+            if name != "endless":
+                break
+        self.close_connection = name in ("unstated", "longer", "endless", "silent")
+
+
+@pytest.fixture(scope="module")
+def faulty():
+    Faulty.over.clear()
+    with web_server(Faulty) as port:
+        yield f"http://127.0.0.1:{port}"
+        Faulty.over.set()
+
+
+@pytest.mark.parametrize("name", ["whole", "moved", "packed", "unstated", "pieces"])
+def test_what_comes_whole_however_it_is_sent_is_taken(faulty, name):
+    with at_hand(f"{faulty}/{name}") as path:
+        assert path.read_bytes() == CONTENT
+        folder = path.parent
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("404", "There is no file"),
+        ("403", r"may not be read \(403 Forbidden\)"),
+        ("503", r"could not be fetched in 3 attempts \(503 Service Unavailable\)"),
+        ("circle", r"in 3 attempts \(too many redirects\)"),
+        ("longer", "in 3 attempts .*not completed"),
+        ("silent", r"in 3 attempts \(nothing came for 0.2 s\)"),
+        ("endless", "is larger than"),
+    ],
+)
+def test_what_does_not_come_is_told_and_leaves_nothing(faulty, tmp_path, monkeypatch, name, message):
+    monkeypatch.setattr("gyronorth.many.remote.PAUSE", 0.0)
+    monkeypatch.setattr("gyronorth.many.remote.SILENCE", 0.2)
+    monkeypatch.setattr("gyronorth.many.cache.MOST", 1 << 20)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with pytest.raises(NotFetched, match=message), at_hand(f"{faulty}/{name}"):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_a_killed_process_left_goes_and_what_is_held_stays(tmp_path, monkeypatch):
+    pytest.importorskip("fcntl", reason="this system cannot lock files so")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    left, young = tmp_path / "gyronorth-url-left", tmp_path / "gyronorth-url-young"
+    with cache.private_folder() as held:
+        for folder in (left, young):
+            folder.mkdir()
+            (folder / "x.csv").write_text("x")
+        for folder in (left, held):
+            os.utime(folder, (0, 0))
+        cache.sweep.cache_clear()
+        with cache.private_folder():
+            assert not left.exists()
+            assert young.exists()
+            assert held.exists()
 
 
 def test_an_object_store(recordings, monkeypatch):

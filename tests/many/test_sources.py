@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,38 @@ def test_patterns_lists_and_repetitions(tree):
     assert names("**/*.csv") == ["a/sub/y.csv", "a/x_9.csv", "a/x_10.csv", "b/x_9.csv"]
     Path("list.txt").write_text("# ours\n\nb\na/x_9.csv\ngone.csv\n")
     assert names("@list.txt", "./b/x_9.csv", "a/sub") == ["b/x_9.csv", "a/x_9.csv", "gone.csv", "a/sub/y.csv"]
+
+
+def zipped(path: str, *members: str) -> None:
+    with zipfile.ZipFile(path, "w") as archive:
+        for member in members:
+            archive.writestr(member, member)
+
+
+def test_each_recording_of_an_archive_is_one(tree):
+    phone = ("Gyroscope.csv", "Accelerometer.csv", "Linear Accelerometer.csv", "meta/time.csv")
+    zipped("a/two.zip", "x_9.csv", "sub/y.npz", "readme.txt", "doc.pdf")
+    zipped("a/one.zip", "x.csv")
+    zipped("a/papers.zip", "doc.pdf", "table.xlsx2")
+    zipped("phones.zip", *(f"{folder}/{name}" for folder in ("s 1", "s 2") for name in phone))
+    zipped("phone.zip", *phone)
+    zipped("bags.zip", *(f"{bag}/{name}" for bag in ("run1", "run2") for name in ("metadata.yaml", "x.db3", "x.csv")))
+    Path("a/cut.zip").write_bytes(Path("a/two.zip").read_bytes()[:60])
+    two = ["a/two.zip/sub/y.npz", "a/two.zip/x_9.csv"]
+    assert names("a/two.zip") == names("a/t*.zip") == names(*two) == two
+    assert names("a") == ["cut.zip", "one.zip", "sub/y.csv", "two.zip/sub/y.npz", "two.zip/x_9.csv",
+                          "x_9.csv", "x_10.csv"]  # fmt: skip
+    assert names("phones.zip", "phone.zip", "bags.zip") == [
+        *("phones.zip/s 1", "phones.zip/s 2", "phone.zip", "bags.zip/run1", "bags.zip/run2")
+    ]
+    assert names_one("phone.zip")
+    assert names_one("a/one.zip")
+    assert not names_one("a/two.zip")
+    states = [checksum_of(Path(name)) for name in two]
+    assert len(set(states)) == 2
+    zipped("a/two.zip", "sub/y.npz", "other.csv", "x_9.csv")  # what stands beside them does not matter
+    assert [checksum_of(Path(name)) for name in two] == states
+    assert checksum_of(Path("a/gone.csv")) == checksum_of(Path("a/two.zip/gone.csv")) == ""
 
 
 def test_a_file_whose_name_is_no_text_has_one(tree):

@@ -91,7 +91,7 @@ def test_what_is_converted_holds_the_same_samples(here):
     ("arguments", "words"),
     [
         (("convert", "rec", "-o", "one.npz"), "Put a star"),
-        (("convert", "rec", "-o", "rec/*.csv"), "would be written to"),
+        (("convert", "rec", "-o", "rec/*.csv"), "would be written over itself"),
         (("convert", "rec/a.csv", "rec/sub/b.npz", "-o", "there/*.npz"), "exists"),
         (("convert", "rec/a.csv", "rec/a.npz", "-o", "out/*.h5"), "and so is"),
         (("allan", "rec", "--plot", "x.png"), "takes one recording"),

@@ -66,6 +66,32 @@ def test_gaps_belong_to_their_windows(path, monkeypatch):
     assert missing == {10.0: 5, 15.0: 10, 20.0: 5}
 
 
+@pytest.mark.parametrize("pause", [0.0, 50.0])
+@pytest.mark.parametrize("cuts", [[(12, 17), (33, 38)], [(21, 38)]])
+def test_windows_beside_gaps_answer_and_those_with_gaps_say_so(path, monkeypatch, pause, cuts):
+    """Much is missing in all, or more at once than may be; behind it the clock may have gone on for longer still."""
+    whole = {outcome.window: outcome for outcome in window_outcomes(request(), "x", path, (10.0, 10.0))}
+    kept = []
+    for line in path.read_text().splitlines(keepends=True):
+        time = float(line.split(",")[0]) if line[0].isdigit() else -1.0
+        if not any(begin <= time < end for begin, end in cuts) and not line.startswith("# samples"):
+            later = time + pause * (time > 39.95)
+            kept.append(line if time < 0 else f"{later!r}{line[line.index(',') :]}")
+    path.write_text("".join(kept))
+    monkeypatch.setattr(module, "CHUNK_SAMPLES", 64)
+    monkeypatch.setattr("gyronorth.readers.gaps.PIECE", 97)
+    found = {outcome.window: outcome for outcome in window_outcomes(request(), "x", path, (10.0, 10.0))}
+    assert len(found) == 6 + pause / 10
+    for (start, end), outcome in found.items():
+        before, after = start >= 40 + pause, end <= 40
+        untouched = before or (after and not any(begin < end and start < stop for begin, stop in cuts))
+        if untouched:
+            shift = pause if before else 0.0
+            assert outcome.estimate.heading == pytest.approx(whole[start - shift, end - shift].estimate.heading)
+        else:
+            assert "of 100 samples of this window are missing" in outcome.message
+
+
 def test_a_window_without_a_heading_says_why_and_the_others_go_on(path, monkeypatch):
     heading = Request.heading
 

@@ -40,8 +40,52 @@ def test_without_an_address_no_link_is_broken():
     ("line", "address"),
     [("repository-code: https://example.org/a/", "https://example.org/a"), ("title: https://example.org", None)],
 )
-def test_the_address_is_that_of_the_citation(line, address):
-    assert metadata.repository(f"version: 1\n{line}\n") == address
+def test_the_address_that_a_citation_states(line, address):
+    assert metadata.cited(f"version: 1\n{line}\n") == address
+
+
+@pytest.mark.parametrize(
+    ("source", "address"),
+    [("https://example.org/a/", "https://example.org/a"), ("https://repository.invalid/gyronorth", None), ("", None)],
+)
+def test_a_placeholder_is_no_address(source, address):
+    assert metadata.repository({"Source": source}) == address
+
+
+def test_packages_carry_no_link_built_on_a_placeholder():
+    hook = metadata.Metadata(str(ROOT), {})
+    built = {"version": "1", "urls": {"Source": "https://a.invalid/x", "Paper": "https://arxiv.org/abs/1"}}
+    hook.update(built)
+    assert built["urls"] == {"Paper": "https://arxiv.org/abs/1"}
+    assert "](docs/" not in built["readme"]["text"]
+    built = {"version": "1", "urls": {"Source": "https://example.org/x"}}
+    hook.update(built)
+    assert built["urls"]["Changelog"] == "https://example.org/x/blob/v1/CHANGELOG.md"
+
+
+def test_the_address_stands_in_one_place():
+    listed = subprocess.run(["git", "ls-files"], capture_output=True, text=True, cwd=ROOT).stdout.split()
+    if not listed:
+        pytest.skip("not a checkout of git")
+    hosts = r"(?:github|gitlab|codeberg|readthedocs|pypi|invalid)"
+    address = re.compile(rf"https?://[\w./-]*{hosts}[\w./-]*/gyronorth")
+    ends = (".md", ".toml", ".cff", ".yml", ".yaml", ".py", ".bib", ".service", "Containerfile", "Makefile")
+    places = [
+        name
+        for name in listed
+        if name.endswith(ends) and not name.startswith("tests/") and address.search((ROOT / name).read_text("utf-8"))
+    ]
+    known = metadata.repository(PROJECT["urls"])
+    assert places == (["pyproject.toml"] if known is None else ["CITATION.cff", "pyproject.toml"])
+
+
+def test_a_release_is_refused_while_the_address_is_a_placeholder():
+    if metadata.repository(PROJECT["urls"]):
+        pytest.skip("the address is known")
+    command = [sys.executable, "packaging/release_check.py", "address"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 1
+    assert done.stdout.startswith("FAILED  address: pyproject.toml: the address is a placeholder")
 
 
 def test_the_conda_recipe_asks_for_what_the_project_needs():
@@ -86,7 +130,8 @@ def test_the_oldest_packages_tested_are_the_lower_bounds():
     tested = dict(pin.split("==") for pin in re.search(r"^OLDEST := (.+)$", text, re.MULTILINE)[1].split())
     extras = PROJECT["optional-dependencies"]
     bounds = dict(
-        line.split(">=") for line in (*PROJECT["dependencies"], *extras["report"], *extras["io"], *extras["learned"])
+        line.split(">=")
+        for line in (*PROJECT["dependencies"], *extras["report"], *extras["io"], *extras["learned"], *extras["r"])
     )
     del bounds["typing-extensions"]  # of the standard library's own makers, and pydantic asks for a later one
     assert tested.keys() == bounds.keys()
@@ -102,3 +147,26 @@ def test_every_extra_for_users_is_in_the_table_of_the_guide():
 def test_what_the_paper_cites_is_in_its_bibliography():
     cited = set(re.findall(r"@(\w+)", (ROOT / "paper.md").read_text()))
     assert cited == set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))
+
+
+def test_the_changelog_keeps_its_form():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    versions = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+ - (Unreleased|\d{4}-\d\d-\d\d)", name) for name in versions), versions
+    assert versions[0].startswith(f"{PROJECT['version']} - ")
+    assert not any(name.endswith("Unreleased") for name in versions[1:])
+    for version in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        groups = re.findall(r"^### (.+)$", version, re.MULTILINE)
+        assert len(set(groups)) == len(groups)
+        assert set(groups) <= {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    entries = re.findall(r"^- (.{40})", text, re.MULTILINE)
+    assert len(set(entries)) == len(entries), "an entry stands twice"
+
+
+def test_what_the_oldest_packages_leave_out_exists():
+    text = (ROOT / "Makefile").read_text().replace("\\\n", "")
+    names = " ".join(re.findall(r"^(?:WITH_TORCH|WITH_PINS) := (.+)$", text, re.MULTILINE)).split()
+    assert len(names) > 8
+    for path, _, test in (name.partition("::") for name in names):
+        assert (ROOT / path).exists(), path
+        assert not test or f"def {test}(" in (ROOT / path).read_text(), test

@@ -75,10 +75,10 @@ def test_declarations_that_contradict_the_file(tmp_path, option, value, message)
         read(unit_file(tmp_path, comments=comments), **{option: value})
 
 
-def test_declarations_that_agree_with_the_file(tmp_path):
+def test_of_latitudes_that_agree_the_given_one_counts(tmp_path):
     comments = ["# gyro_unit: rad/s", "# accel_unit: m/s2", "# axes: frd", "# latitude_deg: 32.11"]
     options = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "+x+y+z", "latitude": radians(32.2)}
-    assert read(unit_file(tmp_path, comments=comments), **options).latitude == radians(32.11)
+    assert read(unit_file(tmp_path, comments=comments), **options).latitude == radians(32.2)
 
 
 @pytest.mark.parametrize(

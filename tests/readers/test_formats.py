@@ -370,6 +370,6 @@ def test_folders_without_recordings(tmp_path):
 
 def test_latitude_of_the_header_against_the_given_one(tmp_path):
     path = psins_file(tmp_path, PSINS_HEAD + PSINS_SCALE + "1 2 -3 8 -16 80\n" * 4)
-    assert read(path, latitude=radians(34.3)).latitude == radians(34.25)
+    assert read(path, latitude=radians(34.3)).latitude == radians(34.3)
     with pytest.raises(InputError, match=r"states latitude 34.2500 deg; 35.0000 deg is given"):
         read(path, latitude=radians(35))

@@ -118,6 +118,8 @@ def test_the_only_recording_of_an_archive_and_a_phones_two(tmp_path):
     assert_array_equal(recording.gyro_b, GYRO)
     np.testing.assert_allclose(recording.accel_b, ACCEL, rtol=1e-12)
     assert "joined on time" in open_source(tmp_path / "phone.zip", read_options()).read_as
+    two = zipped(tmp_path / "two.zip", {f"{n}/{name}": text for n in "ab" for name, text in phone.items()})
+    assert_array_equal(read(two / "b", axes="frd").accel_b, recording.accel_b)
 
 
 def read_options(**declared):

@@ -15,6 +15,14 @@ BEYOND = """() => {
   const cells = [...document.querySelectorAll('td, th')].filter(e => e.scrollWidth > e.clientWidth + 1);
   return [Math.max(wide, 0), cut.length, cells.map(e => e.textContent)];
 }"""
+#: Texts of a figure of which a part lies outside it, with its own fonts: a legend that is cut off.
+OUTSIDE = """() => [...document.querySelectorAll('figure svg')].flatMap(svg => {
+  const box = svg.getBoundingClientRect();
+  return [...svg.querySelectorAll('text')].filter(e => {
+    const own = e.getBoundingClientRect();
+    return own.right > box.right + 1 || own.left < box.left - 1 || own.top < box.top - 1 || own.bottom > box.bottom + 1;
+  }).map(e => e.textContent);
+})"""
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +72,7 @@ def test_nothing_is_cut_on_a_phone_and_in_print(reports, chromium):
                 page.emulate_media(media=media)
                 page.set_viewport_size({"width": width, "height": 800})
                 assert page.evaluate(BEYOND) == [0, 0, []], f"{name} at {width} px, {media}"
+                assert page.evaluate(OUTSIDE) == [], f"{name} at {width} px, {media}"
                 assert page.locator("h2", has_text="Checks").is_visible()
         assert page.pdf(format="A4").startswith(b"%PDF")
         browser.close()

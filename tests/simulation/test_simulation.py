@@ -22,8 +22,9 @@ from gyronorth.earth import EARTH_RATE, earth_rate_n, normal_gravity
 from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor, TriadErrors, flicker_components
 from gyronorth.sensor import drawing as noise
-from gyronorth.sensor.drawing import ProcessLaw, draw
+from gyronorth.sensor.drawing import draw
 from gyronorth.sensor.profiles import ALLAN_MINIMUM
+from gyronorth.sensor.terms import ProcessLaw
 from gyronorth.simulation import Motion, sensor_errors, simulate, simulate_batch
 from gyronorth.simulation.disturbance import drawn
 

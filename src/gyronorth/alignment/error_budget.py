@@ -24,7 +24,9 @@ from gyronorth.uncertainty import (
 
 #: Squared discrepancy, in units of known noise, that noise alone stays below in half of all records.
 NOISE_EXPLAINS = np.log(2)
-#: Turn-on bias over the profile's up to which the rate may differ from the Earth's, whatever a mixture allows for.
+#: Turn-on bias over the profile's up to which the rate may differ from the Earth's: a mixture may widen an interval,
+#: but not explain away a wrong latitude or a unit that is broken. Where only a bias far beyond the profile would
+#: explain the recording, `posterior` judges the plain mean by that.
 MOST_SCALE = 3.0
 #: Error of level, rad, that is allowed for where no profile says it: an accelerometer bias of 2 mg.
 LEVEL_UNKNOWN = 2e-3

@@ -6,13 +6,12 @@ Limits scale with the claimed uncertainty. Each is explained in docs/theory/unce
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gyronorth.alignment.error_budget import STEEPEST, level_sigma
+from gyronorth.alignment.error_budget import STEEPEST
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Mask
 from gyronorth.conditioning import GATE_SIGMA
@@ -20,8 +19,6 @@ from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.findings import Finding
 
 if TYPE_CHECKING:
-    from gyronorth.alignment.problem import Problem
-    from gyronorth.alignment.result import Result
     from gyronorth.sensor import Sensor
 
 #: An interval wider than this to either side cannot tell north from south, rad.
@@ -32,22 +29,29 @@ WIDEST_CONCENTRATION = 2.36
 FEWEST_SAMPLES, SHORTEST = 16, 2.0
 #: Error of roll, rad, up to which an error of level enters the heading to first order.
 LARGEST_ROLL_ERROR = 0.1
-#: Tilt that an accelerometer sees of a unit that turned about a level axis, root mean square over the largest angle of
-#: the integrated rate.
-SEEN = 0.1
 #: Share of the sensor's range at which an output counts as saturated.
 SATURATION_SHARE = 0.999
 
 
 @dataclass(frozen=True)
+class Shown:
+    """How a gate reads in the list of checks; symbols are those of docs/theory/uncertainty.md, section "Validity"."""
+
+    title: str  # what is compared
+    unit: str
+    formula: str
+
+
+@dataclass(frozen=True)
 class Gate:
-    """A gate over a batch: it fails where value > limit."""
+    """A gate over a batch: it fails where value > limit; arrays over its recordings, or one number for all."""
 
     code: str
     message: str  # with {value} and {limit}
     value: Array
     limit: Array
     failed: Mask
+    shown: Shown | None = None  # None: not in the list of checks
 
     def finding(self, index: tuple[int, ...] = ()) -> Finding | None:
         """The finding of one recording of the batch, or None where the gate holds."""
@@ -96,6 +100,12 @@ def rate_gates(rate_l: Array, *, variance: Array, vertical_variance: Array, lati
             off_norm / DEG_PER_HOUR,
             along / DEG_PER_HOUR,
             off_norm > along,
+            Shown(
+                "mean rate against Earth rate",
+                "deg/h",
+                f"| |w| - 15.041 deg/h |; limit {GATE_SIGMA} sqrt(cos^2(lat) var_horizontal + sin^2(lat) var_vertical) "
+                "with a profile, 15.041 cos(lat) without one",
+            ),
         ),
         Gate(
             "implied_latitude",
@@ -105,6 +115,12 @@ def rate_gates(rate_l: Array, *, variance: Array, vertical_variance: Array, lati
             np.degrees(off_latitude),
             np.degrees(across / EARTH_RATE),
             off_latitude > across / EARTH_RATE,
+            Shown(
+                "implied latitude against the given one",
+                "deg",
+                f"| asin(-w_down / |w|) - lat |; limit {GATE_SIGMA} sqrt(sin^2(lat) var_horizontal + cos^2(lat) "
+                "var_vertical) / 15.041 deg/h with a profile, 57.3 cos(lat) without one",
+            ),
         ),
     ]
 
@@ -156,6 +172,12 @@ def width_gates(
             half_deg,
             limit_deg,
             wide & ~short & ~polar,
+            Shown(
+                "half-width of the 95 % interval",
+                "deg",
+                "of the von Mises law with concentration |w_horizontal| 15.041 cos(lat) / var_horizontal, or of the "
+                "method's posterior; beyond 90 deg north and south look alike",
+            ),
         ),
     ]
 
@@ -177,6 +199,12 @@ def motion_gate(excursion: Array, limit: Array, *, tilted: bool | None = None) -
         np.degrees(excursion),
         np.degrees(limit),
         np.asarray(excursion > limit),
+        Shown(
+            "rotation about the mean attitude",
+            "deg",
+            "largest excursion of the integrated rate; limit of mean sqrt(sigma), sigma taken as 0.5 to 5.7 deg; of "
+            "inertial 45 deg; of bayes and learned what sigma allows, at least 0.25 deg",
+        ),
     )
 
 
@@ -195,6 +223,11 @@ def gimbal_gate(pitch: Array, level_sigma: float) -> Gate:
         value,
         np.full_like(value, np.degrees(limit)),
         value > np.degrees(limit),
+        Shown(
+            "pitch",
+            "deg",
+            "of the forward axis; limit 89 deg, or arccos(10 sigma of the direction of gravity) where that is less",
+        ),
     )
 
 
@@ -212,7 +245,7 @@ def length_finding(samples: int, duration: float) -> Finding | None:
     )
 
 
-def saturation_gate(peak: Array, *, limit: float, what: str, unit: float, unit_name: str) -> Gate:
+def saturation_gate(peak: Array, *, limit: float, what: str, unit: float, unit_name: str, quantity: str) -> Gate:
     """Output at the end of the sensor's range: the mean is then not the mean of the motion."""
     held = np.full_like(peak, SATURATION_SHARE * limit / unit)
     return Gate(
@@ -221,18 +254,8 @@ def saturation_gate(peak: Array, *, limit: float, what: str, unit: float, unit_n
         peak / unit,
         held,
         peak / unit > held,
+        Shown(f"largest {quantity}", unit_name, "largest |component| of a sample; limit 0.999 of the sensor's range"),
     )
-
-
-def peaks_of(problem: Problem) -> tuple[Array, Array | None]:
-    """Largest component of the angular rate, rad/s, and of the specific force, m/s^2, of each recording."""
-    accel_b = problem.accel_b
-    return _peak(problem.gyro_b), None if accel_b is None else _peak(accel_b)
-
-
-def _peak(x: Array) -> Array:
-    """Largest absolute value of each recording, without a copy of it."""
-    return np.maximum(x.max(axis=(-2, -1)), -x.min(axis=(-2, -1)))
 
 
 def saturation_gates(sensor: Sensor | None, peaks: tuple[Array, Array | None]) -> list[Gate]:
@@ -240,72 +263,11 @@ def saturation_gates(sensor: Sensor | None, peaks: tuple[Array, Array | None]) -
     gates: list[Gate] = []
     gyro, accel = peaks
     if sensor is not None and np.isfinite(sensor.gyro.saturation):
-        unit = np.pi / 180
-        gates.append(saturation_gate(gyro, limit=sensor.gyro.saturation, what="gyro", unit=unit, unit_name="deg/s"))
+        unit, limit = np.pi / 180, sensor.gyro.saturation
+        names = {"what": "gyro", "unit_name": "deg/s", "quantity": "angular rate"}
+        gates.append(saturation_gate(gyro, limit=limit, unit=unit, **names))
     if sensor is not None and accel is not None and np.isfinite(sensor.accel.saturation):
-        limit, unit = sensor.accel.saturation, STANDARD_GRAVITY
-        gates.append(saturation_gate(accel, limit=limit, what="accelerometer", unit=unit, unit_name="g"))
+        unit, limit = STANDARD_GRAVITY, sensor.accel.saturation
+        names = {"what": "accelerometer", "unit_name": "g", "quantity": "specific force"}
+        gates.append(saturation_gate(accel, limit=limit, unit=unit, **names))
     return gates
-
-
-def _rate(problem: Problem, result: Result) -> list[Gate]:
-    if result.judged is None:
-        return []
-    return rate_gates(
-        result.judged.rate_l,
-        variance=result.judged.variance,
-        vertical_variance=result.judged.vertical_variance,
-        latitude=problem.latitude,
-        known=problem.sensor is not None,
-    )
-
-
-def _width(problem: Problem, result: Result) -> list[Gate]:
-    half = result.posterior.half_width
-    return width_gates(
-        half,
-        variance=result.total + np.zeros_like(half),
-        noise_variance=result.variance.get("noise", np.zeros(())) + np.zeros_like(half),
-        latitude=problem.latitude,
-        duration=problem.duration,
-    )
-
-
-def _motion(problem: Problem, result: Result) -> list[Gate]:
-    if result.judged is None:
-        return []
-    excursion, tilted = problem.motion.sway.excursion, None
-    if problem.accel_b is not None:
-        seen = np.hypot(np.sqrt(np.maximum(problem.motion.sway.tilt_variance, 0)), problem.motion.tilt)
-        tilted = bool(np.any(seen > SEEN * excursion))
-    return [motion_gate(excursion, result.judged.turn_limit, tilted=tilted)]
-
-
-#: What may judge a result; the catalogue's row of a method names those that judge its results, in this order.
-GATES: Mapping[str, Callable[[Problem, Result], list[Gate]]] = {"rate": _rate, "width": _width, "motion": _motion}
-
-
-def judge_result(problem: Problem, result: Result, names: Sequence[str]) -> list[Gate]:
-    """The gates of a method on its result; none where there is no heading, or no claim to judge."""
-    if not result.known or not result.variance:
-        return []
-    return [gate for name in names for gate in GATES[name](problem, result)]
-
-
-def judge(
-    problem: Problem, result: Result, names: Sequence[str], *, peaks: tuple[Array, Array | None] | None = None
-) -> list[Gate]:
-    """Every gate that judges a result: those of its method, and the ranges of the sensor.
-
-    Parameters
-    ----------
-    problem : Problem
-    result : Result
-    names : sequence of str
-        Keys of `GATES`; see `catalogue.MethodInfo.gates`.
-    peaks : tuple, optional
-        Largest output of gyro and accelerometer, where the problem's samples are means that do not show it.
-    """
-    saturated = saturation_gates(problem.sensor, peaks_of(problem) if peaks is None else peaks)
-    steep = [gimbal_gate(result.attitude.pitch, level_sigma(problem))] if result.known else []
-    return judge_result(problem, result, names) + steep + saturated

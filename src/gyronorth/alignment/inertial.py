@@ -12,7 +12,7 @@ import numpy as np
 from gyronorth.alignment.result import Attitude
 from gyronorth.angles import circular_mean
 from gyronorth.arrays import Array, mean_of_rows
-from gyronorth.attitude import attitude_path, conjugate, from_rotation_vector, rotate
+from gyronorth.attitude import angles_of, attitude_path, conjugate, from_rotation_vector, rotate
 from gyronorth.conditioning import HARMONICS, block_means, slope_variance
 from gyronorth.earth import EARTH_RATE, earth_rate_n
 
@@ -91,10 +91,7 @@ def _mean_attitude(mat: Array, middle: Array, latitude: float, rate_hz: float) -
     def in_n(axis_b: Array) -> Array:
         return rotate(back, np.einsum("...ij,...tj->...ti", mat, rotate(middle, axis_b)))
 
-    x, y, z = in_n(np.array([1.0, 0.0, 0.0])), in_n(np.array([0.0, 1.0, 0.0])), in_n(np.array([0.0, 0.0, 1.0]))
-    heading = np.arctan2(x[..., 1], x[..., 0])
-    roll = np.arctan2(y[..., 2], z[..., 2])
-    pitch = np.arcsin(np.clip(-x[..., 2], -1, 1))
+    heading, roll, pitch = angles_of(np.stack([in_n(axis_b) for axis_b in np.eye(3)], axis=-1))
     return circular_mean(heading, axis=-1), roll.mean(axis=-1), pitch.mean(axis=-1)
 
 

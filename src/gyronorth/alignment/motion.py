@@ -36,7 +36,7 @@ class MotionStatistics:
 def motion_statistics(
     gyro_b: Array, accel_b: Array | None, *, rate_hz: float, mat_lb: Array, sensor: Sensor | None
 ) -> MotionStatistics:
-    """Sway and noise of a batch, judged against the profile or the recording's own noise.
+    """Sway and noise of a batch, compared with the profile or the recording's own noise.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, Gate
+from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, Gate, Shown
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Mask, mean_of_rows
 from gyronorth.conditioning import BLOCK_SAMPLES
@@ -59,6 +59,7 @@ def gravity_gate(accel_b: Array) -> Gate:
         off,
         np.full_like(off, GRAVITY_SHARE),
         ~(off <= GRAVITY_SHARE),
+        Shown("mean specific force against 1 g", "g", "of the norm of its mean; limit 0.1"),
     )
 
 

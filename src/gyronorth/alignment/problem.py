@@ -65,7 +65,7 @@ class Problem:
 
     @cached_property
     def mean(self) -> Attitude:
-        """The closed form of the mean rate and specific force, beside which every method is judged."""
+        """The closed form of the mean rate and specific force, with which every method is compared."""
         return align_mean(self.gyro_b, self.accel_b, attitude=self.attitude)
 
     @cached_property

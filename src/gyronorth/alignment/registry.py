@@ -204,7 +204,7 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
     """Results of a batch, shape (n,), in groups: which recordings, their problem, and what was found.
 
     Recordings that the method works at once are one group; each of the others is one of its own, solved as a single
-    recording is, so that a batch and its recordings one by one give the same.
+    recording is, or by `solve_many` side by side, so that a batch and its recordings one by one give the same.
     """
     method, everything = check(name, problem, options), np.ones(problem.shape, dtype=bool)
     too_short = length_finding(problem.gyro_b.shape[-2], problem.duration)
@@ -212,8 +212,11 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
         return [(everything, problem, unknown(problem.mean, refusals=(too_short,)))]
     if METHODS.info(name).batched:
         return [(everything, problem, method.solve(problem, options))]
-    groups: list[tuple[Mask, Problem, Result]] = []
-    for index in range(len(everything)):
-        one = problem[index]
-        groups.append((np.arange(len(everything)) == index, one, solve(name, one, options)))
-    return groups
+    ones = [problem[index] for index in range(len(everything))]
+    many = getattr(method, "solve_many", None)
+    if many is not None and options.deviation is None:
+        results: list[Result] = many(ones, options)
+    else:
+        results = [solve(name, one, options) for one in ones]
+    places = np.arange(len(everything))
+    return [(places == place, one, result) for place, (one, result) in enumerate(zip(ones, results, strict=True))]

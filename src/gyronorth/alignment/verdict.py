@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from gyronorth.alignment.checks import checks_of
-from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, implied_latitude, judge
+from gyronorth.alignment.gates import FEWEST_SAMPLES, SHORTEST, implied_latitude
+from gyronorth.alignment.judging import judge
 from gyronorth.alignment.motion import MotionStatistics
-from gyronorth.alignment.outputs import longest_hold, output_gates
+from gyronorth.alignment.outputs import longest_hold
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS
 from gyronorth.alignment.result import Result
@@ -54,7 +56,7 @@ def estimate(
     first, last = (round(edge * problem.rate_hz) for edge in (poses[-1].start, poses[-1].end)) if poses else (0, None)
     mean = mean_of_rows(problem.gyro_b[first:last])
     norm = float(np.linalg.norm(mean))
-    gates = [*judge(problem, result, METHODS.info(result.method).gates, peaks=peaks), *output_gates(problem)]
+    gates = judge(problem, result, peaks=peaks)
     reasons = [*result.refusals, *(finding for gate in gates if (finding := gate.finding()))]
     arm = np.maximum(result.arm, np.finfo(float).tiny)
     return HeadingEstimate(
@@ -82,6 +84,7 @@ def estimate(
         implied_latitude=float(implied_latitude(result.attitude.rate_l)) if norm > 0 else None,
         disturbance=result.disturbance,
         posterior=result.density,
+        level_in_heading=METHODS.info(result.method).level_in_heading,
         checks=checks_of(gates, samples=problem.gyro_b.shape[-2], duration=problem.duration),
     ).checked()
 
@@ -93,14 +96,13 @@ def batch(problem: Problem, groups: Sequence[tuple[Mask, Problem, Result]]) -> H
     found = HeadingBatch(*angles, valid=np.zeros(count, dtype=bool), method=np.full(count, "", "<U32"))
     for where, some, result in groups:
         low, high = _interval(result)
-        gates = [*judge(some, result, METHODS.info(result.method).gates), *output_gates(some)]
-        failed = np.any([gate.failed for gate in gates], axis=0)
+        failed = reduce(np.logical_or, (gate.failed for gate in judge(some, result)))
         found.heading[where], found.sigma[where] = result.attitude.heading, result.posterior.sigma
         found.low[where], found.high[where] = low, high
         sound = np.isfinite(result.attitude.heading + result.posterior.sigma + low + high) & (
             result.posterior.sigma > 0
         )
-        found.valid[where] = ~(np.asarray(failed) | bool(result.refusals)) & sound
+        found.valid[where] = ~(failed | bool(result.refusals)) & sound
         found.method[where] = result.method
     return found
 

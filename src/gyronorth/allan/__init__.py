@@ -24,3 +24,7 @@ __all__ = [
     "identified_sensor",
     "identify",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

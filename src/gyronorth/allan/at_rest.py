@@ -10,6 +10,7 @@ from tempfile import TemporaryFile
 import numpy as np
 
 from gyronorth.arrays import Array
+from gyronorth.files import temporary_files_told
 from gyronorth.recording import Gap, Recording
 
 
@@ -53,11 +54,14 @@ def axes_in_files(chunks: Iterable[Recording]) -> Iterator[AtRest]:
     gaps: list[Gap] = []
     samples = 0
     with ExitStack() as stack:
-        files = [stack.enter_context(TemporaryFile()) for _ in range(3 if first.accel_b is None else 6)]
+        with temporary_files_told():
+            files = [stack.enter_context(TemporaryFile()) for _ in range(3 if first.accel_b is None else 6)]
         while chunk is not None:
             columns = [*chunk.gyro_b.T, *(() if chunk.accel_b is None else chunk.accel_b.T)]
-            for file, column in zip(files, columns, strict=True):
-                file.write(np.ascontiguousarray(column).tobytes())
+            with temporary_files_told():
+                for file, column in zip(files, columns, strict=True):
+                    file.write(np.ascontiguousarray(column).tobytes())
+                    file.flush()
             gaps += [Gap(gap.start + samples / first.rate_hz, gap.samples) for gap in chunk.gaps]
             samples += len(chunk.gyro_b)
             chunk = next(chunks, None)

@@ -13,7 +13,6 @@ from gyronorth.allan.at_rest import AtRest, at_rest
 from gyronorth.allan.deviation import AllanDeviation, allan_variance, check_samples, default_multiples, with_bounds
 from gyronorth.allan.identification import (
     Identification,
-    Identified,
     check_varies,
     fitted_multiples,
     identify_variance,
@@ -25,7 +24,7 @@ from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.errors import InputError
 from gyronorth.recording import Recording, chosen_latitude
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.sensor.law import MILLI_G, TERMS
+from gyronorth.sensor.terms import MILLI_G, TERMS
 
 #: Student's 97.5 % points for 1 and 2 degrees of freedom over the normal law's.
 STUDENT1, STUDENT2 = 12.7062 / 1.959964, 4.302653 / 1.959964
@@ -207,12 +206,11 @@ def _report(measured: list[_Axis], recording: AtRest, flicker_longest: float) ->
 def _figures(report: TriadReport) -> dict[str, float]:
     figures = {}
     for term in TERMS:
-        triad: Identified = getattr(report.triad, term.name)
-        lows = [getattr(axis, term.name).low for axis in report.axes]
+        triad, lows = report.triad.terms[term.name], [axis.terms[term.name].low for axis in report.axes]
         if triad.status == "identified":
             figures[term.field] = max(triad.value, *lows)
         else:
-            figures[term.field] = 0.0 if term.field == "quantisation" else max(triad.high, *lows)
+            figures[term.field] = 0.0 if term.bounded_integral else max(triad.high, *lows)
     return figures
 
 
@@ -221,7 +219,7 @@ def _bounds(triad: str, report: TriadReport) -> tuple[str, ...]:
     return tuple(
         f"{triad}.{(term.gyro if triad == 'gyro' else term.accel).key}"
         for term in TERMS
-        if getattr(report.triad, term.name).status != "identified" and term.field != "quantisation"
+        if report.triad.terms[term.name].status != "identified" and not term.bounded_integral
     )
 
 
@@ -237,9 +235,9 @@ def _remarks(what: str, report: TriadReport) -> list[str]:
             f"The {what} is fitted from {triad.tau[0]:.3g} s on: shorter averaging times do not follow the model "
             "(filter, vibration or sway)."
         )
-    for term in TERMS[1:]:
+    for term in (term for term in TERMS if not term.bounded_integral):
         words = (term.gyro if what == "gyro" else term.accel).words.removesuffix(" B")
-        subject, status = f"The {what}'s {words}", getattr(triad, term.name).status
+        subject, status = f"The {what}'s {words}", triad.terms[term.name].status
         if status == "upper bound":
             remarks.append(f"{subject} is an upper bound.")
         elif status == "not identified":
@@ -308,7 +306,7 @@ def _identification_json(identification: Identification, unit: str) -> dict[str,
     terms = {}
     for term in TERMS:
         form = term.gyro if unit == "deg_h" else term.accel
-        found: Identified = getattr(identification, term.name)
+        found = identification.terms[term.name]
         terms[form.key] = {
             "value": found.value / form.one if found.status == "identified" else None,
             "low": found.low / form.one,

@@ -15,6 +15,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,7 +26,8 @@ from gyronorth.allan.deviation import allan_variance, check_samples, chi_square_
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
 from gyronorth.sensor import TriadErrors
-from gyronorth.sensor.law import TERMS, NoiseLaw
+from gyronorth.sensor.law import NoiseLaw
+from gyronorth.sensor.terms import TERMS
 
 Status = Literal["identified", "upper bound", "not identified"]
 
@@ -39,9 +41,9 @@ LONGEST_PART = 0.1
 FEWEST_OCTAVES = 5
 #: Relative error of the model that is always allowed for in a variance, 1 sigma.
 MODEL_ERROR = 0.01
-#: Relative error of the walk's Allan variance at one sample: K^2 tau / 3 is that of interval means;
+#: Relative error of the terms' Allan variances at one sample: K^2 tau / 3 of a walk is that of interval means;
 #: samples of the walk itself have 1 + 0.5 / m^2 of it.
-SAMPLED_WALK = 0.5
+SAMPLED = np.array([term.sampled for term in TERMS])
 #: The variance times the averaging time squared of the steadiest of sensors, one that rounds the angle, stays
 #: what it is at one sample; below this part of that, the record is periodic.
 REPEATS_BELOW = 1e-6
@@ -68,19 +70,36 @@ class Identified:
 class Identification:
     """The error terms of an axis or a triad at rest, unit u of the data (rad/s or m/s^2)."""
 
-    angle_random_walk: Identified  # N, u sqrt(s)
-    bias_instability: Identified  # B = Allan minimum / 0.664, u
-    rate_random_walk: Identified  # K, u / sqrt(s)
-    quantisation: Identified  # step q of the integrated signal, u s
+    terms: Mapping[str, Identified]  # by `Term.name`
     flicker_longest: float  # longest time constant of the in-run bias in the model, s
     tau: Array  # (k,) octaves that were fitted, s
     misfit: float  # relative scatter of the variances about the model beyond their own, 1 sigma
     duration: float  # s
 
+    @property
+    def angle_random_walk(self) -> Identified:
+        """N, u sqrt(s)."""
+        return self.terms["angle_random_walk"]
+
+    @property
+    def bias_instability(self) -> Identified:
+        """B = Allan minimum / 0.664, u."""
+        return self.terms["bias_instability"]
+
+    @property
+    def rate_random_walk(self) -> Identified:
+        """K, u / sqrt(s)."""
+        return self.terms["rate_random_walk"]
+
+    @property
+    def quantisation(self) -> Identified:
+        """Step q of the integrated signal, u s."""
+        return self.terms["quantisation"]
+
     def deviation(self, tau: ArrayLike) -> Array:
         """Allan deviation of the fitted model at averaging times tau (k,), s."""
-        terms = (self.quantisation, self.angle_random_walk, self.bias_instability, self.rate_random_walk)
-        return np.sqrt(_law(self.flicker_longest).allan_variance(tau) @ [term.value**2 for term in terms])
+        square = [self.terms[term.name].value ** 2 for term in TERMS]
+        return np.sqrt(_law(self.flicker_longest).allan_variance(tau) @ square)
 
 
 def identify(x: ArrayLike, *, rate_hz: float, flicker_longest: float = 1000.0) -> Identification:
@@ -156,12 +175,8 @@ def identify_variance(
     m = fitted_multiples(n, rate_hz)
     _check_repeats(m, variance, rate_hz)
     fit = _best_fit(m, variance, n, rate_hz, axes=axes, flicker_longest=flicker_longest)
-    quantisation, white, flicker, walk = (fit.term(k) for k in range(4))
     return Identification(
-        angle_random_walk=white,
-        bias_instability=flicker,
-        rate_random_walk=walk,
-        quantisation=quantisation,
+        terms={term.name: fit.term(k) for k, term in enumerate(TERMS)},
         flicker_longest=flicker_longest,
         tau=fit.tau,
         misfit=0.0 if fit.model_error == MODEL_ERROR else fit.model_error,
@@ -200,7 +215,7 @@ def _law(flicker_longest: float) -> NoiseLaw:
 class AllanFit:
     """Weighted non-negative least squares of one set of Allan variances.
 
-    Parameters are the squares (q^2, N^2, B^2, K^2).
+    Parameters are the squares of the terms: q^2, N^2, B^2, K^2.
 
     Notes
     -----
@@ -257,7 +272,7 @@ class AllanFit:
     def covariance(self, parameters: Array) -> Array:
         """Covariance (k, k) of the Allan variances under the model."""
         density = (self._spectra @ parameters) ** 2 * self._width
-        sampled = parameters[3] * self.columns[:, 3] * SAMPLED_WALK / self.m**2
+        sampled = self.columns @ (parameters * SAMPLED) / self.m**2
         error = np.diag((self.model_error * self.variance) ** 2) + np.outer(sampled, sampled)
         return (self._response * density) @ self._response.T + error
 
@@ -265,7 +280,7 @@ class AllanFit:
         """What the curve itself allows of term k: the least over tau of its upper bounds at 99.8 % together."""
         dof = self.axes * degrees_of_freedom(self.m, self.n, 1.0)
         upper = self.variance * dof / chi_square_point(0.002 / len(self.m), dof)
-        least = self.columns[:, k] * (1 - SAMPLED_WALK / self.m**2 if k == 3 else 1.0)
+        least = self.columns[:, k] * (1 - SAMPLED[k] / self.m**2)
         return float(np.min(upper / least))
 
     def _bound(self, k: int, inside: float, outside: float) -> float:
@@ -303,7 +318,7 @@ class AllanFit:
         return parameters, chi_square
 
     def _least_squares(self, covariance: Array, hold: tuple[int, float] | None = None) -> tuple[Array, float]:
-        """Non-negative least squares, parameter hold[0] held at hold[1]: parameters (4,) and chi-square."""
+        """Non-negative least squares, parameter hold[0] held at hold[1]: parameters (terms,) and chi-square."""
         from scipy.optimize import nnls
 
         scale = 1 / np.sqrt(np.diag(covariance))
@@ -311,8 +326,8 @@ class AllanFit:
         matrix = np.linalg.solve(factor, self.columns * scale[:, None])
         unit = 1 / np.abs(matrix).max(axis=0)
         target = np.linalg.solve(factor, self.variance * scale)
-        free = [k for k in range(4) if hold is None or k != hold[0]]
-        parameters = np.zeros(4)
+        free = [k for k in range(len(unit)) if hold is None or k != hold[0]]
+        parameters = np.zeros(len(unit))
         if hold is not None:
             parameters[hold[0]] = hold[1]
             target = target - matrix[:, hold[0]] * hold[1]

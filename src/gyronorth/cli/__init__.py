@@ -1,7 +1,8 @@
 """The command line: thin, no physics.
 
 Exit codes: 0 done, or a valid heading; 2 bad input or usage, with one message; 3 a heading was
-refused or could not be computed, with the reasons.
+refused or could not be computed, with the reasons; 130 interrupted (Ctrl-C); 141 whoever read standard
+output has gone.
 """
 
 from __future__ import annotations
@@ -9,7 +10,11 @@ from __future__ import annotations
 import gc
 import os
 
-from gyronorth.cli.app import app as app
+# A command makes much that lives until it ends, and few cycles: counting through all of it again and again is a fifth
+# of what a short one takes. This package is loaded by the command alone.
+gc.set_threshold(100_000)
+
+from gyronorth.cli.app import app as app  # noqa: E402  # its libraries are most of what is counted
 
 
 def main() -> None:
@@ -17,9 +22,9 @@ def main() -> None:
     # Matrices are small here: a second thread of the matrix library brings nothing, and waits for its turn on a busy
     # machine (`allan` took six times as long).
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # A command makes much that lives until it ends, and few cycles: counting through all of it again and again is a
-    # fifth of what a short one takes.
-    gc.set_threshold(100_000)
     # Typer's own models need no plugins of pydantic, and looking for them reads what is known of every package.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    app()
+    try:
+        app()
+    finally:
+        gc.freeze()  # the process ends: what is left needs no search for cycles

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import re
 import shlex
 import shutil
 import sys
@@ -24,6 +25,13 @@ from gyronorth.cli.tasks import ABOUT, MODULES
 PANEL = "Verbosity"
 #: Characters in a line below which the help of a command has no frames: their columns would cut words.
 NARROW = 64
+#: Exit code where whoever read standard output has gone before all was written: what a shell gives for SIGPIPE. It says
+#: nothing of a heading.
+READER_GONE = 141
+
+
+class _ReaderGone(Exception):
+    """Whoever read standard output has gone."""
 
 
 class Commands(TyperGroup):
@@ -87,13 +95,30 @@ class Commands(TyperGroup):
         self._load()
         return sorted(super().list_commands(ctx), key=[*ABOUT, *self.commands].index)
 
+    def invoke(self, ctx: Any) -> Any:
+        """The command itself: typer would end without a word where it is interrupted, or its reader has gone."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Abort from None
+        except BrokenPipeError:
+            raise _ReaderGone from None
+
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Run the command that the arguments name, and end the process with its exit code."""
         if not standalone_mode:
             return super().main(*args, standalone_mode=False, **extra)
+        from gyronorth.files import unwound_by_signals
+
+        with unwound_by_signals():
+            self._run(args, extra)
+
+    def _run(self, args: Sequence[Any], extra: dict[str, Any]) -> NoReturn:
+        """The command, and the exit code of what came of it."""
         progress.level = NORMAL
-        if sys.stdout is None:  # a service may be started without it
-            sys.stdout = open(os.devnull, "w")  # noqa: SIM115  # for as long as the command runs
+        for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+            if getattr(sys, name) is None:  # closed: no file of ours is to take its number
+                setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115  # for as long as the command runs
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # a file name may not fit the terminal's encoding
         words = args[0] if args else extra.pop("args", None)
@@ -101,9 +126,9 @@ class Commands(TyperGroup):
         try:
             code = super().main(given, *args[1:], standalone_mode=False, **extra)
             sys.stdout.flush()
-        except BrokenPipeError:
-            sys.stdout = None  # type: ignore[assignment]  # whoever read us has gone: nothing is left to flush
-            sys.exit(0)
+        except (_ReaderGone, BrokenPipeError):
+            sys.stdout = None  # type: ignore[assignment]  # nothing is left to flush
+            sys.exit(READER_GONE)
         except (KeyboardInterrupt, typer.Abort):
             _fail("interrupted", 130)
         except Exception as error:
@@ -134,6 +159,8 @@ def _what_was_meant(message: str, arguments: list[str]) -> str:
     """What else the words can mean where they name no command: a file, an option, a command that stands further on."""
     first = arguments[0] if arguments else ""
     if message.startswith("No such option"):
+        if file := next((word for word in arguments if word.startswith("-") and os.path.exists(word)), None):
+            return f" If the file of that name is meant: ./{file}"
         at = next((i for i, word in enumerate(arguments) if word in ABOUT), 0)
         moved = shlex.join(["gyronorth", arguments[at], *arguments[:at], *arguments[at + 1 :]])
         return f" Options follow the command. Did you mean: {moved}" if at else ""
@@ -171,6 +198,8 @@ def _user_error(error: Exception, arguments: list[str]) -> str | None:
         return error.for_command(arguments) if hasattr(error, "for_command") else str(error)  # type: ignore[attr-defined]
     if isinstance(error, OSError):
         return f"{error.filename or 'output'}: {error.strerror or error}."
+    if isinstance(error, ImportError) and re.search("map segment|allocate memory", str(error)):
+        return f"There is not enough memory to load a library: {error}."
     if isinstance(error, MemoryError):
         return f"There is not enough memory: {error}. Take a shorter duration or a lower rate."
     return None

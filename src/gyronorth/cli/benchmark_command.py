@@ -75,7 +75,7 @@ def benchmark(
     from gyronorth.studies.expected import Remaining
     from gyronorth.studies.expected import told as told_before
     from gyronorth.studies.source import passed_over_text
-    from gyronorth.studies.study import StudyPlan
+    from gyronorth.studies.study import SELECTIONS, StudyPlan
 
     check_drawing("gyronorth benchmark")
     values: dict[str, Any] = {
@@ -94,7 +94,8 @@ def benchmark(
     for one in chosen:
         one.recordings(plan)  # both refuse before any work
     passed_over = plan.source().get("data", {}).get("passed_over") if chosen[0].on_recordings else None
-    told = [passed_over_text(passed_over) if passed_over else "", plan.cut_short() if name == "paper" else ""]
+    told = [passed_over_text(passed_over) if passed_over else ""]
+    told += [SELECTIONS[plan.selection], plan.cut_short()] if name == "paper" else []
     for line in filter(None, told):
         typer.echo(line.replace("**", ""), err=True)
     if name == "paper":
@@ -115,6 +116,11 @@ def benchmark(
             if line:
                 typer.echo(line, err=True)
 
-        written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
+        try:
+            written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
+        except KeyboardInterrupt:
+            if (output / "units").is_dir():
+                typer.echo(f"{output} keeps what is finished; the same command goes on with it.", err=True)
+            raise
     for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))

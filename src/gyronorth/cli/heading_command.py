@@ -18,7 +18,7 @@ from gyronorth.cli.many_options import (
     Sources,
     Windows,
     Workers,
-    check_not_read,
+    without_table,
 )
 from gyronorth.cli.many_run import TABLE_SUFFIXES, run_many, several
 from gyronorth.cli.options import OUTPUT, SITE, Json, MethodName, Pitch, Plot, RequireSigma, Roll, SensorName
@@ -140,11 +140,11 @@ def heading(
             what = f"{sources[0]} is a folder" if Path(sources[0]).is_dir() else "these are many"
             raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
     elif kept is not None:
-        check_not_read(kept, recordings(sources))
+        without_table(kept, recordings(sources))
     attitude = None if roll is None else (roll, pitch)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
-    if biased and method == "learned" and model is not None:
+    if biased and model is not None:
         check_bias(model)
     request = Request(
         reading,

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 #: Options of reading that a line of a stream needs.
 DECLARED = (
-    "rate", "axes", "boresight", "gyro_unit", "accel_unit", "columns",
+    "rate", "axes", "boresight", "gyro_unit", "accel_unit", "gyro_scale", "accel_scale", "columns",
     "protocol", "increments", "imu", "accel_range", "time_unit",
 )  # fmt: skip
 PAGE = "Page"

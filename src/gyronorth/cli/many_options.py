@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from gyronorth.many.sources import Item
-    from gyronorth.many.table import Table
+    from gyronorth.many.table import TableWriter
 
 #: Panel of the help text.
 MANY = "Many recordings"
@@ -106,7 +106,7 @@ class Place:
 
 
 @contextmanager
-def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) -> Iterator[Table]:
+def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) -> Iterator[TableWriter]:
     """The table that is kept; an interruption tells how to go on."""
     from gyronorth.many.table import table
 
@@ -118,10 +118,15 @@ def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) 
             raise
 
 
-def check_not_read(table: Path, items: Sequence[Item]) -> None:
-    """Refuse a table in the place of a recording that is read."""
+def without_table(table: Path, items: Sequence[Item]) -> list[Item]:
+    """The recordings without the table that an earlier run left among them; another file in its place is refused."""
     from gyronorth.errors import InputError
+    from gyronorth.many.table import is_table
 
     place = os.path.realpath(table)
-    if any(os.path.realpath(item.address) == place for item in items if Path(item.address).name == table.name):
+    others = [
+        item for item in items if Path(item.address).name != table.name or os.path.realpath(item.address) != place
+    ]
+    if len(others) < len(items) and not (others and is_table(table)):
         raise InputError(f"{table} is one of the recordings that are read; choose another name.")
+    return others

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 import typer
 
-from gyronorth.cli.many_options import Place, check_not_read, kept_table
+from gyronorth.cli.many_options import Place, kept_table, without_table
 from gyronorth.cli.outputs import check_outputs, print_json, written
 from gyronorth.cli.progress import recordings_done
 
@@ -57,7 +57,7 @@ def run_many(
     from gyronorth.many.headings import Work, outcomes_of
 
     if kept is not None:
-        check_not_read(kept, items)
+        items = without_table(kept, items)
     settings = task.settings()
     work = Work(task, settings, checksums=kept is not None)
     found = []  # one document or row for each; no estimate is kept

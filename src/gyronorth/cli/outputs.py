@@ -1,4 +1,4 @@
-"""What a command writes: checked before any work, told of afterwards."""
+"""What a command writes: checked before any work, reported afterwards."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ def check_outputs(
 
 def written(path: Path) -> None:
     """Say on standard error what was written, devices and pipes left out; nothing with -q."""
-    from gyronorth.report.wording import printable
+    from gyronorth.report.wording import one_line
 
     if progress.level > QUIET and (path.is_file() or path.is_dir()):
-        typer.echo(f"wrote {printable(str(path))}", err=True)
+        typer.echo(f"wrote {one_line(str(path))}", err=True)
 
 
 def check_drawing(what: str) -> None:

@@ -44,7 +44,7 @@ def working(text: str) -> Iterator[None]:
 
 @contextmanager
 def share_done(text: str) -> Iterator[Callable[[float], None] | None]:
-    """A bar of the share of the work that is done, with the time that remains; it is told the share."""
+    """A bar of the share of the work that is done, with the time that remains; call it with the share."""
     if not _displayed():
         with _timed(text):
             yield None
@@ -70,7 +70,7 @@ def reading_file(path: Path, *, doing: str = "reading") -> Iterator[Callable[[fl
 
 @contextmanager
 def recordings_done(total: int) -> Iterator[Callable[[str], None]]:
-    """A bar of how many recordings are done, with their rate and the time that remains; it is told each by name."""
+    """A bar of how many recordings are done, with their rate and the time that remains; call it with each name."""
     if not _displayed():
         yield lambda _name: None
         return

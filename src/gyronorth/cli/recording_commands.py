@@ -127,7 +127,7 @@ def info(
     *,
     reading: ReadOptions,
 ) -> int:
-    """Show what a recording, or each of many, holds: format, units, axes, rate, length, truth, gaps, mean rate.
+    """Show what a recording, or each of many, holds: format, units, axes, rate, length, reference, gaps, mean.
 
     Exit code 2 if any could not be read, else 0.
     """

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 
 
-class Stage(StrEnum):
+class TrainingStage(StrEnum):
     """What is trained."""
 
     denoiser = "denoiser"
@@ -33,7 +33,9 @@ class Stage(StrEnum):
 @app.command()
 @with_reading
 def train(
-    stage: Annotated[Stage, typer.Argument(help="denoiser: on synthetic data; regressor: on recordings; all: both.")],
+    stage: Annotated[
+        TrainingStage, typer.Argument(help="denoiser: on synthetic data; regressor: on recordings; all: both.")
+    ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="BUNDLE", help="Folder of the bundle to write.")],
     data: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Recordings at known headings (regressor and all).")

@@ -24,16 +24,29 @@ port gives and passes `saturated` and `sensor_fault` on.
 from __future__ import annotations
 
 from gyronorth.errors import InputError
-from gyronorth.frames.catalogue import NAMES as NAMES
-from gyronorth.frames.catalogue import PROTOCOLS as PROTOCOLS
-from gyronorth.frames.catalogue import ProtocolInfo as ProtocolInfo
-from gyronorth.frames.catalogue import protocol_info as protocol_info
-from gyronorth.frames.protocol import Options as Options
-from gyronorth.frames.recognition import recognise as recognise
-from gyronorth.frames.samples import Report as Report
-from gyronorth.frames.samples import Samples as Samples
-from gyronorth.frames.samples import joined
-from gyronorth.frames.stream import FrameStream as FrameStream
+from gyronorth.frames.catalogue import NAMES, PROTOCOLS, ProtocolInfo, protocol_info
+from gyronorth.frames.others import no_inertial_data, others_of
+from gyronorth.frames.protocol import Options
+from gyronorth.frames.recognition import LOOK, recognise
+from gyronorth.frames.samples import Report, Samples, joined
+from gyronorth.frames.stream import FrameStream
+
+__all__ = [
+    "NAMES",
+    "PIECE",
+    "PROTOCOLS",
+    "FrameStream",
+    "Options",
+    "ProtocolInfo",
+    "Report",
+    "Samples",
+    "decode",
+    "joined",
+    "no_inertial_data",
+    "others_of",
+    "protocol_info",
+    "recognise",
+]
 
 #: Bytes that are decoded at once: the memory that a capture takes does not grow with its length but for its samples.
 PIECE = 1 << 18
@@ -57,6 +70,9 @@ def decode(data: bytes, protocol: str | None = None, options: Options | None = N
         If no protocol is recognised, there is no whole frame with inertial data, or something must be declared.
     """
     name = protocol or recognise(data)
+    others = others_of(data[:LOOK]) if name is None else None
+    if others is not None:
+        raise InputError(no_inertial_data("The capture", *others))
     if name is None:
         raise InputError(
             f"No frames of a known protocol are in these {len(data)} bytes: no start is followed by a checksum that "
@@ -67,9 +83,15 @@ def decode(data: bytes, protocol: str | None = None, options: Options | None = N
     given = [part for part in (*parts, stream.finish()) if part is not None]
     if not given:
         report = stream.report
+        if report.messages:
+            raise InputError(no_inertial_data("The capture", name, report.messages))
         raise InputError(
             f"No sample of protocol {name} is in these {len(data)} bytes: {report.other} whole frames hold other data, "
             f"{report.skipped} bytes belong to no whole frame. Set the unit to send inertial data, or check the "
             "protocol and the baud rate."
         )
     return joined(given), stream.report
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

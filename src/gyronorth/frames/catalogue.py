@@ -23,6 +23,7 @@ class ProtocolInfo:
     usual_rate_hz: float | None = None  # rate taken where nothing else tells it
     axes: str | None = None  # where x, y and z of the data point, as `--axes`; None: as marked on the unit
     declare: str = ""  # what the user must declare, and when
+    output: str = ""  # what the unit must be set to send
 
 
 PROTOCOLS: tuple[ProtocolInfo, ...] = (
@@ -34,6 +35,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "stim",
         counter=True,
         declare="rate; accelerometer range and output unit, where no configuration datagram was captured",
+        output="normal mode, with datagrams that hold angular rate (0x90 to 0xA7)",
     ),
     ProtocolInfo(
         "novatel",
@@ -44,16 +46,18 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         time=True,
         axes="rfu",
         declare="IMU type for RAWIMU and RAWIMUS",
+        output="the log RAWIMUSX (`LOG RAWIMUSXB ONNEW`)",
     ),
     ProtocolInfo(
         "kvh",
-        "KVH formats A and B",
+        "KVH formats A, B and C",
         "KVH/EMCORE 1725, 1750, 1760, 1775, P-series",
         "binary",
         "kvh",
         time=True,
         counter=True,
-        declare="rate for format A; unit and increments, where the rate at rest does not tell them",
+        declare="rate for formats A and C; unit and increments, where the rate at rest does not tell them",
+        output="format A, B or C",
     ),
     ProtocolInfo(
         "hg4930",
@@ -63,6 +67,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "honeywell",
         usual_rate_hz=100.0,
         declare="axes",
+        output="the inertial message 0x02",
     ),
     ProtocolInfo(
         "sbg",
@@ -72,6 +77,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "sbg",
         time=True,
         axes="frd",
+        output="the log IMU_SHORT (44) or IMU_DATA (3)",
     ),
     ProtocolInfo(
         "anpp",
@@ -81,6 +87,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "anpp",
         axes="frd",
         declare="rate",
+        output="packet 28 (raw sensors), at a fixed rate",
     ),
     ProtocolInfo(
         "vectornav",
@@ -91,6 +98,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         time=True,
         axes="frd",
         declare="rate, where the output holds neither TimeStartup nor DeltaTheta",
+        output="a binary output with DeltaTheta and DeltaVel, or UncompGyro and UncompAccel, and TimeStartup",
     ),
     ProtocolInfo(
         "vectornav-ascii",
@@ -100,6 +108,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "vectornav_ascii",
         axes="frd",
         declare="rate",
+        output="$VNIMU (`$VNWRG,06,19*XX`), or a binary output with DeltaTheta, DeltaVel and TimeStartup",
     ),
     ProtocolInfo(
         "mip",
@@ -110,6 +119,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         time=True,
         axes="frd",
         declare="rate, where the packets hold no time",
+        output="sensor data (set 0x80) with delta theta, delta velocity and the reference time (0x07, 0x08, 0xD5)",
     ),
     ProtocolInfo(
         "xbus",
@@ -121,6 +131,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         counter=True,
         axes="flu",
         declare="rate, where the packets hold no SampleTimeFine",
+        output="MTData2 with RateOfTurn and Acceleration, or DeltaQ and DeltaV, and SampleTimeFine",
     ),
     ProtocolInfo(
         "inertial-labs",
@@ -131,6 +142,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         time=True,
         axes="rfu",
         declare="rate, where the data hold no time",
+        output="user-defined data (0x95) with rate (0x21), specific force (0x23) and time (0x01)",
     ),
     ProtocolInfo(
         "anello",
@@ -140,6 +152,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "anello",
         time=True,
         declare="axes",
+        output="#APIMU",
     ),
     ProtocolInfo(
         "anello-x3",
@@ -149,6 +162,7 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
         "anello_x3",
         time=True,
         axes="frd",
+        output="the IMU message (0xFD)",
     ),
 )
 

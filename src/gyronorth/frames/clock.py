@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
@@ -104,6 +106,10 @@ class Numbering:
         self._steps = np.empty(0)  # the last steps of the clock between whole neighbours, in samples
         self.jumps = 0
         self.lost = 0
+
+    def copy(self) -> Numbering:
+        """Another one in the same state."""
+        return copy(self)
 
     def go_on(self, before: Numbering) -> None:
         """Number on behind another one, after a jump: how long it was is not known."""

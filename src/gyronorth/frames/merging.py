@@ -1,4 +1,4 @@
-"""Fields of several kinds of frames as one, and how many samples the bytes between frames show."""
+"""Fields of several kinds of frames as one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from gyronorth.arrays import Index
-from gyronorth.frames.protocol import Fields
+from gyronorth.frames.framing import Frames
+from gyronorth.frames.protocol import Fields, Protocol
 
 _ARRAYS = ("gyro", "accel", "ticks", "span", "counter", "saturated", "fault", "temperature", "usable")
 #: What a frame says that has no such field.
@@ -39,3 +40,24 @@ def first_of(fields: Fields, count: int) -> Fields:
     """The first `count`."""
     arrays = {name: getattr(fields, name) for name in _ARRAYS}
     return replace(fields, **{name: None if array is None else array[:count] for name, array in arrays.items()})
+
+
+def fields_of(protocol: Protocol, layout: int, frames: Frames, index: Index) -> Fields:
+    """Fields of the frames `index`, which may be of several lengths and, where these are read alike, layouts."""
+    if protocol.lines(layout):
+        return protocol.fields(frames.lines(index), layout)
+    kinds = frames.length[index]
+    if protocol.reads is not None:
+        _, which = np.unique(frames.layout[index], return_inverse=True)
+        kinds = kinds + (int(kinds.max()) + 1) * which
+    groups = [np.flatnonzero(kinds == value) for value in np.unique(kinds).tolist()]
+    parts = [protocol.fields(frames.rows(index[group]), layout) for group in groups]
+    return merged(parts, np.concatenate(groups)) if len(parts) > 1 else parts[0]
+
+
+def covered(protocol: Protocol, layouts: Index, count: Index) -> list[float]:
+    """Of the frames with data, `count` of each of `layouts`, the share that holds what is read of each."""
+    if protocol.reads is None:
+        return [1.0] * len(layouts)
+    reads = [protocol.reads(layout) for layout in layouts.tolist()]
+    return [float(count[(layouts & read) == read].sum() / count.sum()) for read in reads]

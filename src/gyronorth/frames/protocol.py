@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,19 @@ class Fields:
     usable: Mask | None = None  # (n,) None: all
 
 
+class Force(NamedTuple):
+    """What k frames say of specific force."""
+
+    here: Mask  # (k,) which frames hold it
+    value: Array  # (k, 3) m/s^2; 0 where there is none
+    saturated: Mask  # (k,)
+
+    @classmethod
+    def none(cls, count: int) -> Force:
+        """Of frames that hold none."""
+        return cls(np.zeros(count, bool), np.zeros((count, 3)), np.zeros(count, bool))
+
+
 def scale_as_sent(_layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     """For protocols whose fields are in SI already."""
     return Scale()
@@ -93,8 +106,9 @@ class Protocol:
     #: What of a layout is read, as bits of it: a frame whose layout has all of them is read like it, whatever else it
     #: holds. None: only frames of the very layout are.
     reads: Callable[[int], int] | None = None
-    #: Whether a frame holds specific force, for protocols whose frames may hold it less often than rate.
-    has_force: Callable[[Bytes], bool] | None = None
+    #: The specific force in frames (k, length) whose interval between forces is given, s: for protocols whose frames
+    #: may hold it less often than rate, or without it.
+    force: Callable[[Bytes, float], Force] | None = None
     #: Order among layouts of one stream: the smallest is taken.
     rank: Callable[[int], int] = lambda _layout: 0
     scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent
@@ -106,6 +120,8 @@ class Protocol:
     #: Whether frames of a layout are lines whose fields are counted from the end: `fields` takes those of all lengths
     #: at once, with commas in front.
     lines: Callable[[int], bool] = lambda _layout: False
+    #: What a frame that is not read is called by the unit's manual, for messages.
+    message: Callable[[Bytes], str] = lambda _row: "other frames"
     #: CR and LF between frames belong to them.
     line_ends: bool = False
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +55,12 @@ def joined(parts: list[Samples]) -> Samples:
     return Samples(*(join(name) for name in Samples.__dataclass_fields__))  # type: ignore[arg-type]
 
 
+def taken(samples: Samples, part: slice) -> Samples:
+    """Some of them."""
+    arrays = {name: getattr(samples, name) for name in Samples.__dataclass_fields__}
+    return replace(samples, **{name: values[part] for name, values in arrays.items() if values is not None})
+
+
 def usable_ones(fields: Fields, gyro: Array, accel: Array | None) -> Mask:
     """Which samples hold numbers that a sensor can give."""
     usable = np.asarray((np.abs(gyro) < LARGEST_RATE).all(axis=1))
@@ -71,6 +77,16 @@ def to_next(jumped: Mask, usable: Mask) -> Mask:
         if len(following):
             moved[place + following[0]] = True
     return moved
+
+
+def held(values: Array, before: float) -> Array:
+    """Values (n,), the last one before it in the place of each NaN; the first of all in the places before it."""
+    known = np.flatnonzero(np.isfinite(values))
+    if len(known) == len(values):
+        return values
+    first = values[known[0]] if len(known) and not np.isfinite(before) else before
+    place = np.searchsorted(known, np.arange(len(values)), side="right")
+    return np.append(first, values[known])[place]
 
 
 class Kind(NamedTuple):
@@ -104,3 +120,4 @@ class Report:
     saturated: int  # samples that the unit marks so
     sensor_fault: int
     findings: tuple[Finding, ...]  # assumptions and conflicts
+    messages: tuple[str, ...]  # what whole frames without inertial data were called, while no sample had come

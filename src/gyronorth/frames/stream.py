@@ -1,7 +1,11 @@
-"""Frames of one stream to samples: which layout is taken, its scale, its rate, what is lost."""
+"""Frames of one stream to samples: which layout is taken, its scale, its rate, what is lost.
+
+Longer than 400 lines: it is one state machine, whose settings and samples are read together.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,38 +16,34 @@ from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.frames.catalogue import protocol_info
 from gyronorth.frames.clock import Numbering, rate_of_clock, rate_of_spans, stride_of
+from gyronorth.frames.forces import LATE_FORCE, ForceTrack
 from gyronorth.frames.framing import Framer, Frames, joined, split
-from gyronorth.frames.merging import first_of, merged
+from gyronorth.frames.merging import covered, fields_of, first_of
+from gyronorth.frames.others import names_of
 from gyronorth.frames.protocol import Bytes, Fields, Options, Scale
+from gyronorth.frames.rates import RATE_CONFLICT, USUAL, findings_of_rates
 from gyronorth.frames.registry import protocol_of
-from gyronorth.frames.samples import Kind, Report, Samples, to_next, usable_ones
+from gyronorth.frames.samples import Kind, Report, Samples, held, to_next, usable_ones
 from gyronorth.frames.samples import joined as samples_joined
 from gyronorth.frames.spacing import Spacing
 
-#: Frames that are looked at before the first sample is given: they tell the layout, the rate and the ranges.
-HELD = 64
-#: Settings of the unit that are remembered.
-KINDS = 8
+#: Frames that are looked at before the first sample is given, for layout, rate and ranges; more of those with rate
+#: alone, as specific force may come far less often.
+HELD, HELD_FOR_FORCE = 64, 512
+#: Settings of the unit that are remembered, and findings of one kind.
+KINDS, TOLD = 8, 3
 #: Frames of one layout that must be there before it is taken: a false frame comes alone.
 CONFIRMED = 3
 #: Of frames that hold different data, what this share of them holds is read. Data at half the rate are in half of them.
 MOSTLY = 0.75
-#: Rates differ, where they are told twice, by more than this share.
-RATE_CONFLICT = 0.02
 _CHANGED = Finding(
     "configuration_changed",
     "The unit sent another configuration than at the start; its ranges and units are taken from there on.",
 )
 _RATE = "The unit sends at another rate than before, as {} shows; this one is taken from there on."
-_ASSUMED = "The frames carry no time: their rate is taken as {:g} Hz, which is usual for the unit. Declare --rate HZ."
 _OTHER_LAYOUT = Finding(
     "layout_changed",
     "The unit sends its inertial data in another layout than before; this one is taken from there on.",
-)
-_SLOWER_FORCE = Finding(
-    "force_left_out",
-    "The unit sends specific force less often than the rate, or in other messages; it is left out, and roll and pitch "
-    "are not measured. Set the unit to send both at the same rate in one message.",
 )
 
 
@@ -80,6 +80,9 @@ class FrameStream:
         self._has_clock = False
         self._numbering: Numbering | None = None
         self._findings: tuple[Finding, ...] = ()
+        self._forces = ForceTrack(self._protocol)
+        self._given = 0  # samples with all that is told of them: the number of the next one
+        self._warmth = np.nan  # the last temperature, degC
         self._strange = 0  # frames with data of other layouts since the last one of ours
         self._told = 0  # configurations that the settled layout, scale and rate rest on
         self._spacing = Spacing()
@@ -87,6 +90,7 @@ class FrameStream:
         self._settings = 0
         self.changed_at = 0  # byte of the stream from which on the latest setting holds
         self._kinds: tuple[Kind, ...] = ()
+        self._messages: Counter[str] = Counter()  # of frames without inertial data, while there are no others
         self._samples = self._other = self._unusable = self._saturated = self._fault = 0
 
     def feed(self, piece: bytes) -> Samples | None:
@@ -110,7 +114,7 @@ class FrameStream:
     @property
     def pending(self) -> bytes:
         """Bytes of which it is not decided yet what they are: a stream that begins with them goes on as this one."""
-        return b"".join(frames.data.tobytes() for frames in self._held) + self._framer.tail
+        return self._forces.pending + b"".join(frames.data.tobytes() for frames in self._held) + self._framer.tail
 
     @property
     def report(self) -> Report:
@@ -119,7 +123,7 @@ class FrameStream:
         return Report(
             protocol=self._info.name,
             axes=self._info.axes,
-            rate_hz=self._rate,
+            rate_hz=None if self._rate is None else self._rate / self._forces.per,
             rate_from=self._rate_from,
             clock="unit's clock" if self._has_clock else "counted" if self._rate else "",
             imu=self._scale.imu,
@@ -136,6 +140,7 @@ class FrameStream:
             saturated=self._saturated,
             sensor_fault=self._fault,
             findings=self._findings,
+            messages=tuple(self._messages),
         )
 
     def _take(self, frames: Frames, *, last: bool) -> Samples | None:
@@ -145,15 +150,34 @@ class FrameStream:
             if self._layout is None:
                 self._held.append(rest)
                 self._data_held += int((rest.layout >= 0).sum())
+                rest = joined(self._held)
+                if not self._data_held:
+                    self._pass_over(rest)
+                    break
                 if self._data_held < HELD and not last:
                     break
-                rest, self._held, self._data_held = joined(self._held), [], 0
+                if not last and self._data_held < HELD_FOR_FORCE and self._forces.open(rest):
+                    self._held = [rest]
+                    break
+                self._held, self._data_held = [], 0
                 if not self._settle(rest):
-                    self._other += len(rest)
+                    self._pass_over(rest)
                     break
             samples, rest = self._up_to_change(rest)
             parts += [] if samples is None else [samples]
+        left = self._forces.end() if last else None
+        parts += [] if left is None else [left]
         return samples_joined(parts) if parts else None
+
+    def _pass_over(self, frames: Frames) -> None:
+        """Frames before the first ones with inertial data; of configurations the last one is kept."""
+        self._held, self._data_held = [], 0
+        facts = np.flatnonzero(frames.layout < -1)[-1:]
+        if len(facts):
+            self._facts = [frames.rows(facts)]
+        self._other += len(frames)
+        if not self._samples:
+            self._messages += names_of(self._protocol, frames)
 
     def _up_to_change(self, frames: Frames) -> tuple[Samples | None, Frames | None]:
         """Samples up to where the unit was reset, and the frames from there on, for which all is settled again."""
@@ -161,15 +185,15 @@ class FrameStream:
         index = np.flatnonzero(self._ours(frames))
         fields = self._fields(frames, index) if len(index) else None
         shown, restarted = self._spacing.shown(frames, index)
-        if fields is not None and fields.accel is None:
-            self._look_for_force(split(frames, int(np.flatnonzero(self._alike(frames))[-1:].sum()))[0])
         change = self._change(frames, index, fields, shown)
         if change is None:
-            return self._decode(frames, index, fields, shown, restarted), None
+            return self._paired(frames, self._decode(frames, index, fields, shown, restarted)), None
         before, after = split(frames, change)
         count = int(np.searchsorted(index, change))
         kept = first_of(fields, count) if fields is not None and count else None
-        samples = self._decode(before, index[:count], kept, shown[:count], restarted[:count])
+        samples = self._paired(before, self._decode(before, index[:count], kept, shown[:count], restarted[:count]))
+        parts = [part for part in (samples, self._forces.end()) if part is not None]
+        samples = samples_joined(parts) if parts else None
         self._layout, self._strange = None, 0
         self._settings += 1
         self.changed_at = int(after.start[0])
@@ -188,6 +212,10 @@ class FrameStream:
             if place is not None:
                 self._tell(Finding("rate_changed", _RATE.format("its clock")))
                 return int(index[place])
+        place = self._forces.stops(frames, index)
+        if place is not None:
+            self._tell(_OTHER_LAYOUT)
+            return place
         data, last = frames.layout >= 0, np.flatnonzero(self._alike(frames))[-1:]
         self._strange = int(data[last[0] + 1 :].sum()) if len(last) else self._strange + int(data.sum())
         if self._strange < HELD:
@@ -195,13 +223,17 @@ class FrameStream:
         self._tell(_OTHER_LAYOUT)
         return int(last[0]) + 1 if len(last) else 0
 
-    def _look_for_force(self, frames: Frames) -> None:
-        """Tell of specific force that comes between the frames that are read, which hold none."""
-        if self._protocol.has_force is None or _SLOWER_FORCE in self._findings:
-            return
-        _, one_of_each = np.unique(frames.length << 1 | (frames.layout < 0), return_index=True)
-        if any(self._protocol.has_force(frames.rows(np.array([place]))[0]) for place in one_of_each.tolist()):
-            self._tell(_SLOWER_FORCE)
+    def _paired(self, frames: Frames, samples: Samples | None) -> Samples | None:
+        """The samples with the specific force that comes between them; without, where none came at the start."""
+        if self._forces.paired:
+            samples = self._forces.take(frames, samples)
+        elif samples is not None and samples.accel is None and LATE_FORCE not in self._findings:
+            before = split(frames, int(np.flatnonzero(self._alike(frames))[-1:].sum()))[0]
+            if self._forces.comes(before):
+                self._tell(LATE_FORCE)
+        if samples is not None:
+            self._given = int(samples.number[-1]) + 1
+        return samples
 
     def _is_new(self, fact: Bytes) -> bool:
         return not (self._facts and np.array_equal(fact, self._facts[-1]))
@@ -213,8 +245,8 @@ class FrameStream:
         return bool(stated and self._rate and abs(stated / self._rate - 1) > RATE_CONFLICT)
 
     def _tell(self, finding: Finding) -> None:
-        """Say it once, however often it comes."""
-        if finding not in self._findings:
+        """Say it once, however often it comes, and of a kind no more than is read."""
+        if finding not in self._findings and [each.code for each in self._findings].count(finding.code) < TOLD:
             self._findings += (finding,)
 
     def _ours(self, frames: Frames) -> Mask:
@@ -238,10 +270,10 @@ class FrameStream:
         end = int(data[min(HELD, len(data)) - 1]) + 1 if len(data) else len(frames)
         first, _ = split(frames, end)
         layouts, count = np.unique(first.layout[first.layout >= 0], return_counts=True)
-        covered = self._covered(layouts, count)
+        shares = covered(self._protocol, layouts, count)
         confirmed = [
             (bool(share < MOSTLY), self._protocol.rank(layout), -number, layout)
-            for layout, number, share in zip(layouts.tolist(), count.tolist(), covered, strict=True)
+            for layout, number, share in zip(layouts.tolist(), count.tolist(), shares, strict=True)
             if number >= CONFIRMED
         ]
         if not confirmed:
@@ -265,9 +297,6 @@ class FrameStream:
                 "Pass --rate HZ, the rate to which the unit is set."
             )
         self._has_clock = fields.ticks is not None
-        kind = Kind(self._rate, self._has_clock, fields.accel is not None)
-        if self._kinds[-1:] != (kind,):
-            self._kinds = (*self._kinds, kind)[-KINDS:]
         before = self._numbering
         self._numbering = Numbering(
             None if self._rate is None else 1 / self._rate, stride_of(fields), clock=self._has_clock
@@ -275,15 +304,24 @@ class FrameStream:
         if before is not None:
             self._numbering.go_on(before)
             self._zero = self._latest
+        self._settle_force(frames, fields)
+        kind = Kind(self.report.rate_hz, self._has_clock, fields.accel is not None or self._forces.paired)
+        if self._kinds[-1:] != (kind,):
+            self._kinds = (*self._kinds, kind)[-KINDS:]
         self._spacing.settle(first, index)
         return True
 
-    def _covered(self, layouts: Index, count: Index) -> list[float]:
-        """Of the frames with data, the share that holds what is read of each layout."""
-        if self._protocol.reads is None:
-            return [1.0] * len(layouts)
-        reads = [self._protocol.reads(layout) for layout in layouts.tolist()]
-        return [float(count[(layouts & read) == read].sum() / count.sum()) for read in reads]
+    def _settle_force(self, frames: Frames, fields: Fields) -> None:
+        """Tell from the frames at the start how often specific force comes that those with rate do not hold."""
+        assert self._numbering is not None
+        if fields.accel is not None:
+            self._forces.none()
+            return
+        index = np.flatnonzero(self._ours(frames))
+        number, _, _ = self._numbering.copy().number(self._fields(frames, index), np.ones(len(index), np.int64))
+        finding = self._forces.settle(frames, index, number, self._given, self._rate)
+        if finding is not None:
+            self._tell(finding)
 
     def _needs_rate(self) -> bool:
         return self._scale.gyro_increments or self._scale.accel_increments
@@ -294,22 +332,13 @@ class FrameStream:
             (of_spans, "its increments"),
             (self._scale.rate_hz, "configuration"),
             (self._options.rate_hz, "declared"),
-            (self._scale.usual_rate_hz or self._info.usual_rate_hz, "usual for the unit"),
+            (self._scale.usual_rate_hz or self._info.usual_rate_hz, USUAL),
         )
         known = [(rate, source) for rate, source in told if rate is not None]
-        if not known:
-            return
-        self._rate, self._rate_from = known[0]
-        if len(known) == 1 and self._rate_from == told[-1][1]:
-            self._tell(Finding("rate_assumed", _ASSUMED.format(self._rate), value=self._rate))
-        for rate, source in known[1:]:
-            usual_only = self._rate_from == "declared"  # what is usual says nothing against a declaration
-            if not usual_only and abs(rate / self._rate - 1) > RATE_CONFLICT:
-                message = (
-                    f"The rate is {self._rate:g} Hz ({self._rate_from}), but {rate:g} Hz ({source}); "
-                    f"{self._rate:g} Hz is taken."
-                )
-                self._tell(Finding("rate_conflict", message, value=self._rate, limit=rate))
+        if known:
+            self._rate, self._rate_from = known[0]
+            for finding in findings_of_rates(known):
+                self._tell(finding)
 
     def _decode(
         self, frames: Frames, index: Index, fields: Fields | None, shown: Index, restarted: Mask
@@ -369,10 +398,16 @@ class FrameStream:
             t=None if t is None else t[usable],
             saturated=saturated[usable],
             sensor_fault=fault[usable],
-            temperature=None if fields.temperature is None else fields.temperature[usable],
+            temperature=None if fields.temperature is None else self._warm(fields.temperature)[usable],
             start=start[usable],
             jumped=jumped[usable],
         )
+
+    def _warm(self, temperature: Array) -> Array:
+        """Frames that hold none are as warm as the one before."""
+        filled = held(temperature, self._warmth)
+        self._warmth = float(filled[-1])
+        return filled
 
     def _scaled(self, fields: Fields) -> tuple[Array, Array | None]:
         """SI: increments over the sample interval."""
@@ -384,15 +419,5 @@ class FrameStream:
             return gyro, fields.accel * (scale.accel * (rate if scale.accel_increments else 1.0))
 
     def _fields(self, frames: Frames, index: Index) -> Fields:
-        """Fields of the frames `index`, which may be of several lengths and, where these are read alike, layouts."""
         assert self._layout is not None
-        if self._protocol.lines(self._layout):
-            return self._protocol.fields(frames.lines(index), self._layout)
-        kinds = frames.length[index]
-        if self._protocol.reads is not None:
-            _, which = np.unique(frames.layout[index], return_inverse=True)
-            kinds = kinds + (int(kinds.max()) + 1) * which
-        values = np.unique(kinds).tolist()
-        groups = [np.flatnonzero(kinds == value) for value in values]
-        parts = [self._protocol.fields(frames.rows(index[group]), self._layout) for group in groups]
-        return merged(parts, np.concatenate(groups)) if len(parts) > 1 else parts[0]
+        return fields_of(self._protocol, self._layout, frames, index)

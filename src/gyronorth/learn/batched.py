@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from torch import Tensor
 from gyronorth.learn.recurrent import BiLSTM
 from gyronorth.learn.regressor import HeadingNetwork, heading_deg
 from gyronorth.learn.settings import Settings
-from gyronorth.learn.stages import Parts, TrainedDenoiser, heading_generator, new_heading
+from gyronorth.learn.stages import HeadingParts, TrainedDenoiser, heading_generator, new_heading
 from gyronorth.learn.training import decay, torch_threads
 
 #: What chooses the epoch: the validation part, with early stopping as `training.fit` does; the test part, of all
@@ -65,14 +65,14 @@ class BatchedTraining:
     chosen: dict[str, Choice] = field(default_factory=dict)  # by `CHOICES`
 
 
-def train_batched(settings: Sequence[Settings], parts: Sequence[Parts]) -> BatchedTraining:
+def train_batched(settings: Sequence[Settings], parts: Sequence[HeadingParts]) -> BatchedTraining:
     """Train a heading network on each of the prepared data sets.
 
     Parameters
     ----------
     settings : sequence of Settings
         One a network; they may differ in the seed only.
-    parts : sequence of Parts
+    parts : sequence of HeadingParts
         Network inputs with their headings, of equal sizes, each with a test part.
 
     Raises
@@ -112,6 +112,14 @@ def train_batched(settings: Sequence[Settings], parts: Sequence[Parts]) -> Batch
     return out
 
 
+def residuals(parts: HeadingParts) -> HeadingParts:
+    """The same data with what the closed form leaves in place of the heading: truth less heading of the mean, deg."""
+    mean = [inputs.double().mean(dim=1) for inputs in parts.inputs]
+    closed_form = [torch.rad2deg(torch.atan2(-one[:, 1], one[:, 0])) for one in mean]
+    left = [torch.remainder(h - c, 360.0).float() for h, c in zip(parts.headings, closed_form, strict=True)]
+    return replace(parts, headings=left)
+
+
 def forward(weights: Sequence[Tensor], x: Tensor, p: float = 0.0, generators: Sequence[torch.Generator] = ()) -> Tensor:
     """Raw outputs (g, n, outputs) of g networks for flattened inputs (g, n, width); with generators: dropout."""
     *layers, head, head_bias = weights
@@ -141,7 +149,7 @@ def _stacked(networks: Sequence[HeadingNetwork]) -> list[Tensor]:
     return [torch.stack(one).detach().contiguous().requires_grad_() for one in zip(*layers, strict=True)]
 
 
-def _data(parts: Sequence[Parts], which: int) -> tuple[Tensor, Tensor]:
+def _data(parts: Sequence[HeadingParts], which: int) -> tuple[Tensor, Tensor]:
     """Flattened inputs (g, n, width), channel-major, and headings (g, n), deg."""
     x = torch.stack([part.inputs[which].transpose(1, 2).flatten(1) for part in parts])
     return x, torch.stack([part.headings[which] for part in parts])

@@ -24,6 +24,7 @@ from gyronorth.alignment.networks.bundle import Bundle, Domain, ProposalPart, ch
 from gyronorth.alignment.networks.runtime import load_bundle, solve
 from gyronorth.alignment.tones.evidence import network_axes
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, cyclic_rmse
+from gyronorth.attitude import heading_of_rate
 from gyronorth.files import folder_beside
 from gyronorth.learn.proposal import Proposal
 from gyronorth.learn.training import Progress, Task, fit, torch_threads
@@ -182,7 +183,7 @@ def calibrated_scale(folder: Path, settings: DisturbedSettings) -> tuple[float, 
         off = angle_error(made.heading, found.heading)
         ratio.append(np.where(off > 0, off / found.high, off / found.low))
         mean = made.gyro_b.mean(axis=1)
-        closed_form = angle_error(np.arctan2(-mean[:, 1], mean[:, 0]), made.heading)
+        closed_form = angle_error(heading_of_rate(mean), made.heading)
         metrics[f"validation_{kind}_recordings"] = float(settings.calibration)
         metrics[f"validation_{kind}_mean_crmse_deg"] = float(np.degrees(cyclic_rmse(closed_form)))
         metrics[f"validation_{kind}_learned_crmse_deg"] = float(np.degrees(cyclic_rmse(off)))

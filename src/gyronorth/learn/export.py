@@ -14,6 +14,7 @@ from torch import nn
 
 from gyronorth.alignment.networks.bundle import Bundle, DenoiserPart, DeviationPart, Domain, HeadingPart, checksum
 from gyronorth.angles import angle_error, cyclic_rmse
+from gyronorth.attitude import heading_of_rate
 from gyronorth.deviation import DeviationModel, fit_deviation, rate_surplus
 from gyronorth.errors import InputError
 from gyronorth.files import folder_beside
@@ -185,7 +186,7 @@ def _metrics(
                 continue
             metrics[f"{name}_recordings"] = float(len(np.unique(part.recording)))
             mean = part.gyro_l.mean(axis=1)
-            closed_form = np.arctan2(-mean[:, 1], mean[:, 0])
+            closed_form = heading_of_rate(mean)
             estimates = {"model_based": closed_form, "network": heading.headings(part.gyro_l)}
             if curve is not None and data.latitude is not None and part is data.test:
                 estimates["deviation"] = curve.correct(closed_form, rate_surplus(mean, data.latitude))[0]
@@ -197,7 +198,7 @@ def _metrics(
 
 
 def untrained(metrics: Mapping[str, float | None]) -> str:
-    """What is told of a network that has not even learned its own training recordings; empty for others."""
+    """The warning about a network that has not even learned its own training recordings; empty for others."""
     network, closed_form = (metrics.get(f"train_{name}_crmse_deg") for name in ("network", "model_based"))
     if network is None or closed_form is None or network <= max(UNTRAINED * closed_form, UNTRAINED_DEG):
         return ""

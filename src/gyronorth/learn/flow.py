@@ -20,7 +20,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, mean_direction
 from gyronorth.earth import EARTH_RATE
 from gyronorth.learn.recurrent import initialised
 from gyronorth.learn.training import torch_threads
@@ -164,7 +164,7 @@ def read_headings(log_density: Array) -> tuple[Array, Array, Array]:
     mass = np.exp(log_density - log_density.max(axis=1, keepdims=True))
     mass /= mass.sum(axis=1, keepdims=True)
     psi, step = headings(), 2 * np.pi / HEADINGS
-    mean = np.arctan2(mass @ np.sin(psi), mass @ np.cos(psi))
+    mean = mean_direction(psi, mass)
     # From the point opposite the mean once around: no arc need cross it.
     first = np.floor((mean + np.pi) / step).astype(int) % HEADINGS
     turned = np.take_along_axis(mass, (first[:, None] + np.arange(HEADINGS)) % HEADINGS, axis=1)

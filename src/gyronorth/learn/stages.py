@@ -223,7 +223,7 @@ def train_heading(
 
 
 @dataclass(frozen=True)
-class Parts:
+class HeadingParts:
     """What a heading network is given: the augmented training part, validation and, if there is one, test."""
 
     inputs: list[torch.Tensor]  # (n, samples, 3) each, in units of Earth rate, through the denoiser
@@ -233,7 +233,7 @@ class Parts:
 
 def heading_parts(
     settings: Settings, data: TrainingData, denoiser: TrainedDenoiser | None, *, run: Run = Run()
-) -> Parts:
+) -> HeadingParts:
     """Augment the training part and clean all parts by the frozen denoiser (IV-A, Fig. 2)."""
     rng, more = np.random.default_rng([settings.seed, AUGMENT]), settings.heading.augment
     train = augment(data.train, copies=more.copies, span=radians(more.span_deg), noise=more.noise, rng=rng)
@@ -241,7 +241,7 @@ def heading_parts(
     key = "".join(part.sha256() for part in parts) + ("" if denoiser is None else _weights_sha256(denoiser.network))
     with torch_threads(settings.threads):
         inputs = _inputs(parts, denoiser, run, _fingerprint("inputs", settings, key))
-    return Parts(inputs, [torch.from_numpy(np.degrees(part.heading)).float() for part in parts], key)
+    return HeadingParts(inputs, [torch.from_numpy(np.degrees(part.heading)).float() for part in parts], key)
 
 
 def heading_generator(settings: Settings) -> torch.Generator:

@@ -91,6 +91,9 @@ def heading_chart(status: Status) -> str:
         parts.append(f'<polygon points="{band}" class="band"/>')
     inside = near & (np.abs(off) <= reach)
     for a, b in _runs(inside):
+        if b - a == 1:  # a line of one point is not seen
+            parts.append(_one_estimate(float(x(time[a])), y(off[a] + np.array([-1, 0, 1]) * half[a]), bool(valid[a])))
+            continue
         for c, d in pairwise([a, *(a + 1 + np.flatnonzero(np.diff(valid[a:b]))).tolist(), b]):
             style = "line valid" if valid[c] else "line invalid"
             end = min(d + 1, b)  # joined to the next verdict
@@ -180,6 +183,14 @@ def _axis_y(low: float, high: float) -> Callable[[Array], Array]:
 
 def _points(x: Array, y: Array) -> str:
     return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+
+
+def _one_estimate(x: float, y: Array, valid: bool) -> str:
+    """An estimate that stands alone: a dot, and its interval as a bar with ends."""
+    low, middle, high = np.clip(y, TOP, HEIGHT - BOTTOM).tolist()
+    style = "valid" if valid else "invalid"
+    bar = f"M{x:.1f} {low:.1f} V{high:.1f} M{x - 4:.1f} {low:.1f} h8 M{x - 4:.1f} {high:.1f} h8"
+    return f'<path d="{bar}" class="line {style}"/><circle cx="{x:.1f}" cy="{middle:.1f}" r="3" class="dot {style}"/>'
 
 
 def _thinned(trace: Array) -> Array:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.util import find_spec
 from threading import Condition, Thread
 
 import numpy as np
@@ -47,6 +47,7 @@ class Estimation:
         self._count = 0
         self._present: StreamingHeading | None = None
         self._ending = self._flushing = False
+        self._lost: tuple[StreamingHeading | None, str] = None, ""  # one that lacks samples, and why
         self._due = 0.0  # when the next estimate is made
         self._thread = Thread(target=self._run, name="estimation", daemon=True)
 
@@ -86,7 +87,8 @@ class Estimation:
 
     def _run(self) -> None:
         if self._any_method:
-            _warm()
+            with suppress(Exception):  # too little memory, say: the estimates will tell
+                _warm()
         fresh = False  # whether samples came since the last estimate
         while True:
             with self._condition:
@@ -96,7 +98,7 @@ class Estimation:
                 waiting, self._waiting, self._count = self._waiting, [], 0
                 self._condition.notify_all()
             if present is not None:
-                self._add(present, waiting)
+                self._take(present, waiting)
                 fresh = fresh or bool(waiting)
                 if ending or flushing or (fresh and time.monotonic() >= self._due):
                     begun, fresh = time.thread_time(), False
@@ -109,6 +111,13 @@ class Estimation:
             if ending:
                 return
 
+    def _take(self, heading: StreamingHeading, waiting: list[tuple[Array, Array | None]]) -> None:
+        """Add samples; where that fails there is no heading any more, since these are missing."""
+        try:
+            self._add(heading, waiting)
+        except Exception as error:
+            self._lost = heading, f"The samples were not taken up ({type(error).__name__}: {error})."
+
     @staticmethod
     def _add(heading: StreamingHeading, waiting: list[tuple[Array, Array | None]]) -> None:
         if waiting:
@@ -117,7 +126,11 @@ class Estimation:
             heading.add(gyro, np.concatenate(parts) if parts else None)
 
     def _estimate(self, heading: StreamingHeading) -> None:
-        if heading.duration == 0:
+        lost, failure = self._lost
+        if lost is not heading and heading.duration == 0:
+            return
+        if lost is heading:
+            self._tell(heading, None, failure)
             return
         found, failure = None, None
         try:
@@ -128,6 +141,9 @@ class Estimation:
             failure = str(error)
         except Exception as error:  # a fault of ours: an old heading must not stay valid for it
             failure = f"The estimate failed ({type(error).__name__}: {error})."
+        self._tell(heading, found, failure)
+
+    def _tell(self, heading: StreamingHeading, found: LiveEstimate | None, failure: str | None) -> None:
         with self._condition:
             if self._present is heading:  # else it is of a stretch that is over
                 self._done(found, failure)
@@ -136,10 +152,8 @@ class Estimation:
 @cache
 def _warm() -> None:
     """Run once what `auto` may turn to later, so that it takes its memory at the start and not during a turn."""
-    still, turned = _unit_at_rest(10.0), _unit_at_rest(200.0, turned=True)
-    pipeline.heading(turned, sensor="isa100c")
-    for method in ("bayes", *(["learned"] if find_spec("onnxruntime") else [])):
-        pipeline.heading(still, sensor="isa100c", method=method)
+    for recording in (_unit_at_rest(10.0), _unit_at_rest(200.0, turned=True)):
+        pipeline.heading(recording, sensor="isa100c")
 
 
 def _unit_at_rest(rate_hz: float, *, turned: bool = False) -> Recording:

@@ -6,15 +6,18 @@ from itertools import pairwise
 
 import numpy as np
 
+from gyronorth.errors import InputError
 from gyronorth.findings import Finding
-from gyronorth.frames import FrameStream, Report, Samples
-from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.frames import FrameStream, Report, Samples, no_inertial_data
+from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.formats.frames import SI, frame_options, usual_facts
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FLAGS, FORCES, RATES, TIME, Facts
 
 #: Title of the unit's temperature in a recording.
 TEMPERATURE = "temperature_degC"
+#: Frames without inertial data after which a unit is not set to send any.
+MOST_OTHERS = 400
 
 
 class FrameReader:
@@ -40,10 +43,11 @@ class FrameReader:
 
     def __init__(self, name: str, protocol: str, options: ReadOptions) -> None:
         self.form: Form | None = None
+        self._name = name
         self.protocol = protocol
         self._options = frame_options(protocol, options, name)
         self._stream = FrameStream(protocol, self._options)
-        self._past = Tally()  # of the streams before this one
+        self._past = StreamTally()  # of the streams before this one
         self._why = ""  # why the next rows behind a jump do not go on from those before
         self._cut = False  # the next rows do not go on from those before, jump or not
         self._raw = bytearray()
@@ -53,10 +57,10 @@ class FrameReader:
         self._latest = b""  # the last of them
 
     @property
-    def tally(self) -> Tally:
-        """What came."""
+    def tally(self) -> StreamTally:
+        """Counts of the input."""
         report, past = self._stream.report, self._past
-        return Tally(
+        return StreamTally(
             lines=past.lines + report.samples + report.unusable,
             garbage=past.garbage + report.unusable,
             skipped_bytes=past.skipped_bytes + report.skipped,
@@ -80,6 +84,9 @@ class FrameReader:
         self._fed += len(data)
         self._latest = undecided + data
         samples = stream.feed(data)
+        report = stream.report
+        if not report.samples and not report.unusable and report.other >= MOST_OTHERS and report.messages:
+            raise InputError(no_inertial_data(self._name, self.protocol, report.messages))
         if stream.report.settings > before:
             self._why = "the unit was reset: it sends at another rate or in another layout"
             place = max(stream.changed_at - start, 0)

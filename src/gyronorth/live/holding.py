@@ -20,7 +20,7 @@ import numpy as np
 
 from gyronorth.angles import wrap, wrap_heading
 from gyronorth.arrays import Array
-from gyronorth.attitude import attitude_path, from_rotation_vector, mat_bn, multiply, quaternion_nb, rotate
+from gyronorth.attitude import angles_of, attitude_path, from_rotation_vector, mat_bn, multiply, quaternion_nb, rotate
 from gyronorth.earth import earth_rate_n
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.sensor import Sensor
@@ -209,10 +209,5 @@ def _stand_of(estimate: HeadingEstimate, samples: int, earth_n: Array) -> _Stand
 
 def _angles(attitude: Array) -> tuple[Array, Array, Array]:
     """Heading in [0, 2 pi), roll and pitch, rad, of quaternions (..., 4)."""
-    forward, right, down = (rotate(attitude, axis) for axis in np.eye(3))
-    pitch: Array = np.arcsin(np.clip(-forward[..., 2], -1, 1))
-    return (
-        wrap_heading(np.arctan2(forward[..., 1], forward[..., 0])),
-        np.arctan2(right[..., 2], down[..., 2]),
-        pitch,
-    )
+    heading, roll, pitch = angles_of(np.stack([rotate(attitude, axis) for axis in np.eye(3)], axis=-1))
+    return wrap_heading(heading), roll, pitch

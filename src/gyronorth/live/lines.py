@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.formats.csv import COMMENT, stated_facts
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
-from gyronorth.readers.text import LONGEST_LINE, parse_block
+from gyronorth.readers.text import parse_block
+from gyronorth.readers.text_head import LONGEST_LINE
 
 #: The columns of a source without a header, by its number of fields.
 BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}
@@ -78,9 +79,9 @@ class LineReader:
         return batches
 
     @property
-    def tally(self) -> Tally:
-        """What came."""
-        return Tally(self.lines, self.garbage, self.last_garbage)
+    def tally(self) -> StreamTally:
+        """Counts of the input."""
+        return StreamTally(self.lines, self.garbage, self.last_garbage)
 
     def facts(self) -> Facts:
         """What the comments state.
@@ -240,6 +241,13 @@ class LineReader:
         text = line[: SHOWN + 1].decode(errors="replace")
         self.last_garbage = "".join(symbol if symbol.isprintable() else "�" for symbol in text[:SHOWN])
         self.last_garbage += "..." if len(line) > SHOWN else ""
+
+
+def columns_by_width(data: bytes) -> dict[str, int] | None:
+    """The columns of rows without a header, by the first line; None where this is no row of ours."""
+    first = next((line for line in data.split(b"\n") if line.strip()), b"")
+    columns = BY_WIDTH.get(first.count(b",") + 1) if numeric_lines(first + b"\n")[0] else None
+    return None if columns is None else {name: place for place, name in enumerate(columns)}
 
 
 def numeric_lines(data: bytes) -> list[bool]:

@@ -13,7 +13,7 @@ CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
 def metrics_text(status: Status) -> str:
-    """Gauges of the heading and its state, and counters of what came; what is not known is left out."""
+    """Gauges of the heading and its state, and counters of the input; what is not known is left out."""
     estimate = status.estimate
     held, turn = status.held, status.rate_of_turn
     gauges: list[tuple[str, str, float | None]] = [

@@ -30,7 +30,7 @@
 })();
 // The officer's watch: full screen, a screen that stays on, and an alarm (sound, colour, word) when validity is lost.
 (() => {
-  const GOOD = ['valid', 'held'];
+  const GOOD = ['valid', 'held'], WORSE = ['degraded', 'aligning', 'invalid', 'no news'];  // in this order
   let audio = null, lock = null, before = null;
   const stayOn = async () => {
     try { lock = await navigator.wakeLock?.request('screen'); } catch { lock = null; }  // not on plain http elsewhere
@@ -73,11 +73,11 @@
     if (!verdict || !alarm) return;
     const late = document.querySelector('.gn').classList.contains('late');
     const now = late ? 'no news' : verdict.dataset.fitness;
-    if (GOOD.includes(before) && !GOOD.includes(now)) {
+    if (GOOD.includes(now)) {
+      if (alarm.textContent) alarm.textContent = '';
+    } else if (now !== before && (GOOD.includes(before) || alarm.textContent)) {  // a new text is read out each time
       alarm.textContent = `Heading lost: ${now}. Do not steer by it.`;
-      beep();
-    } else if (GOOD.includes(now) && alarm.textContent) {
-      alarm.textContent = '';
+      if (WORSE.indexOf(now) > WORSE.indexOf(before)) beep();
     }
     before = now;
   }, 500);

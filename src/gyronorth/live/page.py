@@ -78,8 +78,8 @@ def build(session: Session) -> None:
                 pictures.append(_Picture(wording.marks, session))
         with ui.element("details").classes("fold"):
             with ui.element("summary"):
-                ui.html("What came, in numbers", sanitize=False, tag="span")
-            pictures.append(_Picture(_titled("What came", wording.counters), session))
+                ui.html("Input statistics", sanitize=False, tag="span")
+            pictures.append(_Picture(_titled("Input statistics", wording.counters), session))
         keys = ", ".join(f"<kbd>{key}</kbd> {name}" for key, name in KEYS.items())
         ui.html(f'<p class="faint">Keys: {keys}.</p>', sanitize=False)
     beat = ui.html(sanitize=False).classes("unseen").props("data-beat aria-hidden=true")

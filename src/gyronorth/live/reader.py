@@ -1,14 +1,16 @@
-"""What a stream sends, told by itself: lines of numbers, or the frames of a unit whose checksums hold."""
+"""What a stream sends, recognised by its content: lines of numbers, or the frames of a unit whose checksums hold."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
-from gyronorth.frames import recognise
+from gyronorth.frames import no_inertial_data, others_of, recognise
 from gyronorth.frames.recognition import LOOK
 from gyronorth.live.frames import FrameReader
-from gyronorth.live.lines import LineReader
-from gyronorth.live.rows import RowBatch, Tally
+from gyronorth.live.lines import LineReader, columns_by_width
+from gyronorth.live.rows import RowBatch, StreamTally
 from gyronorth.live.texts import TextReader
 from gyronorth.readers.asking import OpenQuestion
 from gyronorth.readers.options import ReadOptions
@@ -16,6 +18,8 @@ from gyronorth.readers.source import Facts
 
 #: Bytes that are looked at for the first time, and by how much more than the last time each time after.
 FIRST_LOOK, GROWTH = 64, 1.5
+#: Bytes by which frames without inertial data are told.
+ENOUGH = 4096
 #: Lines by which the layout of a text that is not ours is told.
 TOLD_BY = 40
 #: What `protocol` is for lines of numbers, and before anything is known.
@@ -43,9 +47,13 @@ class StreamReader:
         self._held = b""  # bytes by which the protocol may still be told
         self._next_look = FIRST_LOOK
         self._next_lines = TOLD_BY
+        self._in_si = False
         self._refused: InputError | None = None  # why these are no lines of ours
         self._reader: LineReader | FrameReader | TextReader = LineReader(name, options)
         self._settled = options.protocol is not None
+        if options.gyro_scale is not None or options.accel_scale is not None:
+            self._in_si = True  # a recording of such lines would not say what they are: rows leave in SI
+            self._refused = InputError(f"{name} sends no rows of numbers that --gyro-scale and --accel-scale are for.")
         if options.protocol is not None:
             self._reader = FrameReader(name, options.protocol, options)
 
@@ -57,8 +65,8 @@ class StreamReader:
         return UNKNOWN if self._reader.form is None else LINES
 
     @property
-    def tally(self) -> Tally:
-        """What came."""
+    def tally(self) -> StreamTally:
+        """Counts of the input."""
         return self._reader.tally
 
     @property
@@ -93,6 +101,8 @@ class StreamReader:
 
     def end(self) -> list[RowBatch]:
         """The last rows."""
+        if not self._settled and self._held and self._reader.form is None:
+            self._refuse_others()
         if self._refused is not None or (not self._settled and self._held and self._reader.form is None):
             batches = self._as_text()
             return [*batches, *self._reader.end()]
@@ -135,9 +145,11 @@ class StreamReader:
 
     def _as_text(self) -> list[RowBatch]:
         """The rows that are held, read as the first lines of a file are."""
-        held = self._held
+        held, options = self._held, self._options
+        if self._in_si and not options.columns:
+            options = replace(options, columns=columns_by_width(held))
         try:
-            reader = TextReader(self._name, held[: held.rfind(b"\n") + 1] or held, self._options)
+            reader = TextReader(self._name, held[: held.rfind(b"\n") + 1] or held, options)
         except InputError as error:
             if self._refused is not None or isinstance(error, OpenQuestion):
                 raise self._better(error) from None
@@ -147,7 +159,14 @@ class StreamReader:
 
     def _better(self, error: InputError) -> InputError:
         """What asks for the least: a question with its answer, else why these are no lines of ours."""
-        return error if isinstance(error, OpenQuestion) or self._refused is None else self._refused
+        self._refuse_others()
+        return error if isinstance(error, OpenQuestion) or self._refused is None or self._in_si else self._refused
+
+    def _refuse_others(self) -> None:
+        """InputError where the bytes are frames of a known protocol without inertial data."""
+        others = others_of(self._held[-LOOK:])
+        if others is not None:
+            raise InputError(no_inertial_data(self._name, *others))
 
     def _looked(self) -> bool:
         """Whether frames are recognised now."""
@@ -156,6 +175,8 @@ class StreamReader:
         self._next_look = int(len(self._held) * GROWTH)
         protocol = recognise(self._held)
         if protocol is None:
+            if len(self._held) >= ENOUGH:
+                self._refuse_others()
             return False
         self._reader, self._settled = FrameReader(self._name, protocol, self._options), True
         return True

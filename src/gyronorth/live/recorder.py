@@ -21,6 +21,7 @@ import numpy as np
 from gyronorth.errors import InputError
 from gyronorth.live.rows import LiveRows
 from gyronorth.live.stretch import Stretch
+from gyronorth.readers.declared import Declared
 from gyronorth.readers.facts import SIGNATURE
 from gyronorth.readers.formats.csv import LIVE_FORMAT, MARK
 
@@ -223,6 +224,7 @@ def _head(stretch: Stretch, source: str, start_time_utc: str | None, raw: Path |
         "raw": None if raw is None else raw.name,
         "gyro_unit": declared.gyro_unit,
         "accel_unit": declared.accel_unit or None,
+        "increments": None if stretch.form.decoded is not None else _increments(declared),
         "axes": declared.axes if axes_known else None,
         "latitude_deg": repr(float(np.degrees(stretch.latitude))),
         "heading_true_deg": (
@@ -239,6 +241,12 @@ def _head(stretch: Stretch, source: str, start_time_utc: str | None, raw: Path |
         offset = len(head)
         head += b"#" + b" " * (_RATE_WIDTH - 2) + b"\n"
     return head + ",".join(stretch.form.titles).encode() + b"\n", offset
+
+
+def _increments(declared: Declared) -> str | None:
+    """Which sensors' lines hold increments."""
+    names = {(True, True): "both", (True, False): "gyro", (False, True): "accel"}
+    return names.get((declared.gyro_increments, declared.accel_increments))
 
 
 def _rate_line(rate_hz: float) -> bytes:

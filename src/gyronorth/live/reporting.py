@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from itertools import count
 from math import degrees
 from pathlib import Path
@@ -23,7 +25,8 @@ def report_text(status: Status, settings: LiveSettings) -> str | None:
     time, heading, half_width, valid = found.trace.T
     file = str(status.recording or status.source)
     outcome = Outcome(file, estimate, heading_true=status.heading_true)
-    return heading_page(outcome, Convergence(time, heading, half_width, valid > 0), inputs=_inputs(status, settings))
+    course = Convergence(time, heading, half_width, valid > 0)
+    return heading_page(outcome, course, inputs=_inputs(status, settings), sensor=settings.sensor)
 
 
 def report_path(recording: Path) -> Path:
@@ -45,7 +48,10 @@ def write_report(status: Status, settings: LiveSettings) -> Path | None:
 def _inputs(status: Status, settings: LiveSettings) -> list[tuple[str, str]]:
     """What was declared, what was counted and what was marked."""
     reading, counters = settings.reading, status.counters
-    inputs = [("source", status.source), ("method asked for", settings.method)]
+    inputs = [("command", _command(sys.argv[1:])), ("source", status.source)]
+    if status.recording is not None:
+        inputs.append(("recording", str(status.recording)))
+    inputs.append(("method asked for", settings.method))
     declared = [(name, getattr(reading, name)) for name in ("axes", "gyro_unit", "accel_unit")]
     inputs += [(name.replace("_", " "), value) for name, value in declared if value is not None]
     if reading.rate_hz is not None:
@@ -62,3 +68,9 @@ def _inputs(status: Status, settings: LiveSettings) -> list[tuple[str, str]]:
     inputs.append(("samples lost", f"{counters.lost} in {counters.gaps} gaps"))
     inputs += [(f"mark at {mark.time:.1f} s", mark.text or "(no label)") for mark in status.marks]
     return inputs
+
+
+def _command(words: list[str]) -> str:
+    """The command that was given, without the access token: a report is passed on."""
+    shown = ["HIDDEN" if before == "--token" else word for before, word in zip(["", *words], words, strict=False)]
+    return shlex.join("--token=HIDDEN" if word.startswith("--token=") else word for word in ["gyronorth", *shown])

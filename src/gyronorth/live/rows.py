@@ -85,8 +85,8 @@ class RowBatch:
 
 
 @dataclass(frozen=True)
-class Tally:
-    """What came, and what of it could not be used."""
+class StreamTally:
+    """Counts of the input, and of what could not be used."""
 
     lines: int = 0  # lines or frames that should have been rows, good and bad
     garbage: int = 0  # of these, bad

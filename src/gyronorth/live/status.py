@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gyronorth.attitude import mat_bn, rotation
+from gyronorth.attitude import angles_of, mat_bn, rotation
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
 from gyronorth.live.estimation import LiveEstimate
@@ -30,7 +30,7 @@ NORMAL_95 = 1.96
 
 @dataclass(frozen=True)
 class Counters:
-    """What came, and what went wrong, since the program started."""
+    """Counts of the input and of its faults since the program started."""
 
     lines: int = 0  # or frames, that should have been rows
     good: int = 0  # rows that were used
@@ -189,8 +189,5 @@ def _turned(attitude: HeadingEstimate | Held, offset: float) -> dict[str, Any]:
     if roll is None or pitch is None:
         return {"heading": (heading + offset) % (2 * pi)}
     mat = rotation(np.array([0.0, 0.0, -offset])) @ mat_bn(roll, pitch, heading)
-    return {
-        "heading": float(np.arctan2(mat[0, 1], mat[0, 0]) % (2 * pi)),
-        "roll": float(np.arctan2(mat[1, 2], mat[2, 2])),
-        "pitch": float(-np.arcsin(np.clip(mat[0, 2], -1, 1))),
-    }
+    heading, roll, pitch = (float(angle) for angle in angles_of(mat.T))
+    return {"heading": heading % (2 * pi), "roll": roll, "pitch": pitch}

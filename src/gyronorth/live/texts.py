@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.live.rows import Form, LiveRows, RowBatch, Tally
+from gyronorth.live.rows import Form, LiveRows, RowBatch, StreamTally
 from gyronorth.readers.declared import resolve
 from gyronorth.readers.formats.csv import open_layout
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import TIME, Block, Facts
 from gyronorth.readers.spool import Spooled
-from gyronorth.readers.text import LONGEST_LINE, parse_block
+from gyronorth.readers.text import parse_block
+from gyronorth.readers.text_head import LONGEST_LINE
 
 #: Of a bad line this much is shown.
 SHOWN = 120
@@ -69,9 +70,9 @@ class TextReader:
         self._before, self._turns = -np.inf, 0.0  # the last time, and what a clock that began anew has run before
 
     @property
-    def tally(self) -> Tally:
-        """What came."""
-        return Tally(self._lines, self._garbage, self._last_garbage)
+    def tally(self) -> StreamTally:
+        """Counts of the input."""
+        return StreamTally(self._lines, self._garbage, self._last_garbage)
 
     def facts(self) -> Facts:
         """What the head states."""

@@ -1,4 +1,4 @@
-"""Rows in order of time: repeats and stray stamps are left out, a jump of the clock begins a new stretch.
+"""Rows in order of time: repeats and misplaced stamps are left out, a jump of the clock begins a new stretch.
 
 A row whose stamp does not follow the one before is held until the next rows tell what it was: a
 gap, a stray stamp, a late packet, or a clock that was set.

@@ -187,7 +187,7 @@ def counters(status: Status) -> str:
         ("bytes of no whole frame", count.skipped_bytes, count.skipped_bytes > 0),
         ("frames of other messages", count.other_frames, False),
         ("implausible rows", count.implausible, count.implausible > 0),
-        ("repeated or stray time stamps", count.strays, count.strays > 0),
+        ("repeated or misplaced time stamps", count.strays, count.strays > 0),
         ("clock jumps", count.time_jumps, count.time_jumps > 0),
         ("reconnects", count.reconnects, count.reconnects > 0),
         ("stalls", count.stalls, count.stalls > 0),

@@ -4,5 +4,10 @@
 that may be lost, `headings` finds north in each, and `table` keeps what is finished when all of it is killed.
 """
 
-from gyronorth.many.headings import Request as Request
-from gyronorth.many.headings import heading_many as heading_many
+from gyronorth.many.headings import Request, heading_many
+
+__all__ = ["Request", "heading_many"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

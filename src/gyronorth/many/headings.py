@@ -125,7 +125,7 @@ class Work:
         found: list[Any] = []
         try:
             with at_hand(item.address) as path:
-                if self.checksums and not checksum and path.exists():
+                if self.checksums and not checksum:
                     checksum = checksum_of(path)
                     if known and checksum == known:
                         return []

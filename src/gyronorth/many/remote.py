@@ -12,9 +12,12 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from gyronorth.errors import InputError
+from gyronorth.many.cache import private_folder, room_for
 
 #: How often a file is fetched before its row says that it could not be, and the pause before the second time, s.
 ATTEMPTS, PAUSE = 3, 0.5
+#: How long a web server may say nothing, s, and states of its that may pass although they blame the request.
+SILENCE, PASSING = 30.0, (408, 425, 429)
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
 
@@ -70,10 +73,8 @@ def at_hand(address: str) -> Generator[Path]:
     elif address.startswith("file://"):
         yield Path(unquote(urlsplit(address).path))
     else:
-        import tempfile
-
-        with tempfile.TemporaryDirectory(prefix="gyronorth-") as folder:
-            path = Path(folder, PurePosixPath(unquote(urlsplit(address).path)).name or "recording")
+        with private_folder() as folder:
+            path = folder / (PurePosixPath(unquote(urlsplit(address).path)).name or "recording")
             _fetch(address, path)
             yield path
 
@@ -91,9 +92,16 @@ def state_of(address: str) -> str:
 
 
 def checksum_of(path: Path) -> str:
-    """SHA-256 of a file, or of the names and contents of the files of a folder (a bag of ROS 2)."""
+    """SHA-256 of a file, or of the names and contents of the files of a folder (a bag of ROS 2).
+
+    Of a file in a zip archive, which need not be unpacked for it, sizes and CRC that stand in the archive.
+    """
     import hashlib
 
+    if not path.exists():
+        from gyronorth.readers.archive import state_of_member
+
+        return state_of_member(path)
     if path.is_dir():
         digest = hashlib.sha256()
         for file in sorted(file for file in path.rglob("*") if file.is_file()):
@@ -111,7 +119,7 @@ def _filesystem(url: str) -> tuple[Any, str]:
             f"{url} needs fsspec, which is not installed. Install it with: pip install 'gyronorth[cloud]'."
         ) from None
     try:
-        return url_to_fs(url)
+        return url_to_fs(url, **_patience(url))
     except ImportError as error:
         raise InputError(
             f"{url} needs a package that is not installed ({_short(error)}). Install it beside 'gyronorth[cloud]'."
@@ -125,7 +133,7 @@ def _fetch(url: str, path: Path) -> None:
     filesystem, there = _filesystem(url)
     for attempt in range(1, ATTEMPTS + 1):
         try:
-            filesystem.get_file(there, str(path))
+            filesystem.get_file(there, str(path), callback=_bounded(url, path.parent))
             size = filesystem.info(there).get("size")
             if size is not None and path.stat().st_size != size:
                 raise ConnectionError(f"{path.stat().st_size} of {size} bytes came")
@@ -134,8 +142,13 @@ def _fetch(url: str, path: Path) -> None:
             raise NotFetched(f"There is no file {url}.") from None
         except PermissionError as error:
             raise NotFetched(f"{url} may not be read ({_short(error)}). Check the access to it.") from None
+        except InputError as error:
+            raise NotFetched(str(error)) from None
         except Exception as error:  # each protocol has its own
             filesystem.invalidate_cache()
+            status = getattr(error, "status", 0)
+            if 400 <= status < 500 and status not in PASSING:
+                raise NotFetched(f"{url} may not be read ({_short(error)}). Check the access to it.") from None
             if attempt == ATTEMPTS:
                 raise NotFetched(
                     f"{url} could not be fetched in {ATTEMPTS} attempts ({_short(error)}). If the connection was "
@@ -144,9 +157,42 @@ def _fetch(url: str, path: Path) -> None:
             time.sleep(PAUSE * 2 ** (attempt - 1))
 
 
+def _patience(url: str) -> dict[str, Any]:
+    """Options of a web server: one that says nothing for long is given up, a file may take as long as it comes."""
+    if not url.lower().startswith(("http://", "https://")):
+        return {}
+    import aiohttp
+
+    timeout = aiohttp.ClientTimeout(total=None, sock_connect=SILENCE, sock_read=SILENCE)
+    return {"client_kwargs": {"timeout": timeout, "trust_env": True}}  # proxies of the environment
+
+
+def _bounded(url: str, folder: Path) -> Any:
+    """What fsspec tells of a download, to end one that is too large."""
+    from fsspec.callbacks import Callback
+
+    class Bounded(Callback):
+        def set_size(self, size: Any) -> None:
+            super().set_size(size)
+            room_for(size or 0, folder, url)
+
+        def relative_update(self, inc: int = 1) -> None:
+            super().relative_update(inc)
+            room_for(self.value, folder, url)
+
+    return Bounded()
+
+
 def _hidden(path: str) -> bool:
     return any(part.startswith(".") for part in PurePosixPath(path).parts)
 
 
 def _short(error: Exception) -> str:
-    return " ".join(str(error).split())[:160].rstrip(".") or type(error).__name__
+    name, text = type(error).__name__, " ".join(str(error).split())
+    if status := getattr(error, "status", 0):
+        return f"{status} {getattr(error, 'message', '') or name}"
+    if "Timeout" in name and not text:
+        return f"nothing came for {SILENCE:g} s"
+    if not text or "message=''" in text:  # of redirects in a circle
+        return " ".join(re.sub(r"([A-Z])", r" \1", name).lower().split())
+    return text[:160].rstrip(".")

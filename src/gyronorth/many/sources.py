@@ -27,7 +27,8 @@ def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
     Parameters
     ----------
     sources : iterable of str or path
-        Files; folders, with the recordings in them and below; patterns such as `data/**/*.csv`; URLs; lists, as
+        Files; folders, with the recordings in them and below; zip archives, with those in them, named
+        ARCHIVE.zip/FILE where there are several; patterns such as `data/**/*.csv`; URLs; lists, as
         `@files.txt`, or `@-` for standard input, one source a line, paths counted from the working folder, empty
         lines and those that begin with # left out.
 
@@ -57,12 +58,13 @@ def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
 
 def names_one(source: str) -> bool:
     """Whether a source can be one recording only: neither folder nor pattern nor list."""
-    from gyronorth.readers import is_bag_folder
+    from gyronorth.readers import is_bag_folder, recordings_inside
 
     if is_url(source):
         return urls_of(source) == [source]
     if os.path.exists(source):
-        return not os.path.isdir(source) or is_bag_folder(Path(source))
+        path = Path(source)
+        return is_bag_folder(path) if path.is_dir() else recordings_inside(path) == [path]
     return not (source.startswith("@") or glob.has_magic(source))
 
 
@@ -87,17 +89,27 @@ def _listed(source: str) -> Iterator[str]:
 
 def _found(source: str) -> list[str]:
     """Addresses of the recordings of one source."""
-    from gyronorth.readers import is_bag_folder, recordings_in
+    from gyronorth.readers import is_bag_folder, recordings_in, recordings_inside
     from gyronorth.readers.registry import natural_order
 
     if is_url(source):
         return urls_of(source)
     if os.path.isdir(source) and not is_bag_folder(Path(source)):
-        return [str(path) for path in recordings_in(source)]
+        found = [str(path) for path in recordings_in(source) if not _is_ours(path)]
+        if not found:
+            raise InputError(f"{source} holds no recordings, only tables that were made of such. Check the path.")
+        return found
     if os.path.exists(source) or not glob.has_magic(source):
-        return [source]
+        return [str(path) for path in recordings_inside(Path(source))] if os.path.isfile(source) else [source]
     matching = sorted(map(Path, glob.glob(source, recursive=True)), key=natural_order)
-    files = [str(path) for path in matching if not path.is_dir() or is_bag_folder(path)]
+    files = [path for path in matching if (not path.is_dir() or is_bag_folder(path)) and not _is_ours(path)]
     if not files:
         raise InputError(f"No file matches {source}. Check the pattern; ** stands for folders of any depth.")
-    return files
+    return [str(each) for path in files for each in recordings_inside(path)]
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a file among recordings is a table that was made of such."""
+    from gyronorth.many.table import is_table
+
+    return path.suffix.lower() in (".csv", ".parquet", ".pq") and path.is_file() and is_table(path)

@@ -34,7 +34,7 @@ FORMULA = ("=", "+", "-", "@", "\t", "\r", "'")
 Row = tuple[str, ...]
 
 
-class Table:
+class TableWriter:
     """Rows of a table that is being made; use `table`."""
 
     def __init__(self, path: Path, settings: str, columns: Sequence[str], journal: TextIO | None) -> None:
@@ -121,14 +121,29 @@ def write_table(path: Path, settings: str, outcomes: Sequence[Outcome]) -> None:
     """
     if _is_parquet(path):
         _arrow(path)
-    made = Table(path, settings, HEADINGS, None)
+    made = TableWriter(path, settings, HEADINGS, None)
     for outcome in outcomes:
         made.add([outcome])
     made.finish([outcome.file for outcome in outcomes])
 
 
+def is_table(path: Path) -> bool:
+    """Whether a file is a table of many, of headings or of another task."""
+    ends = b"," + ",".join(STAMPS).encode()
+    try:
+        if _is_parquet(path):
+            names = _arrow(path).read_schema(path).names
+            return names[:1] == ["file"] and tuple(names[-2:]) == STAMPS
+        with path.open("rb") as file:
+            return file.read(5) == b"file," and file.readline(4096).rstrip().endswith(ends)
+    except (OSError, ValueError, InputError):
+        return False
+
+
 @contextmanager
-def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[str] = HEADINGS) -> Iterator[Table]:
+def table(
+    path: Path, settings: str, *, resume: bool = False, columns: Sequence[str] = HEADINGS
+) -> Iterator[TableWriter]:
     """A table to be made at `path`, .parquet or CSV; the partial file goes when the block ends well.
 
     Parameters
@@ -153,7 +168,7 @@ def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[
     if path.exists() and not path.is_file():  # a device or a pipe
         if resume:
             raise InputError(f"{path} is no file: there is nothing in it to go on with. Leave --resume out.")
-        yield Table(path, settings, columns, None)
+        yield TableWriter(path, settings, columns, None)
         return
     partial = path.with_name(f"{path.name}.partial")
     made = not partial.exists()
@@ -168,7 +183,7 @@ def table(path: Path, settings: str, *, resume: bool = False, columns: Sequence[
                 f"{partial} holds rows of a run that was not finished. Give --resume to go on with it, or remove it."
             )
         try:
-            found = Table(path, settings, columns, journal)
+            found = TableWriter(path, settings, columns, journal)
             _begin(found, path, partial, journal, resume=resume)
         except BaseException as error:
             if made:
@@ -192,7 +207,7 @@ def _closed_at_last(journal: TextIO) -> Iterator[None]:
     journal.close()
 
 
-def _begin(found: Table, path: Path, partial: Path, journal: TextIO, *, resume: bool) -> None:
+def _begin(found: TableWriter, path: Path, partial: Path, journal: TextIO, *, resume: bool) -> None:
     """Take the rows that are there, cut off one that was not written whole, write the header."""
     rows, end = _read_csv(partial, found.columns, torn=True)
     journal.truncate(end)
@@ -228,6 +243,10 @@ def _parsed(content: bytes, path: Path, columns: Sequence[str], *, torn: bool = 
     except (ValueError, csv.Error):
         if torn:
             return None
+        if content.startswith(f"{','.join(columns)}\n".encode()):
+            raise InputError(
+                f"{path} is damaged or cut off: its last rows are not whole. Leave --resume out."
+            ) from None
         header, rows = [], []
     if tuple(header) != tuple(columns):
         raise InputError(
@@ -265,7 +284,9 @@ def _read_parquet(path: Path, columns: Sequence[str]) -> list[Row]:
     try:
         content = _arrow(path).read_table(path)
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {' '.join(str(error).split())[:160]}. Leave --resume out.") from None
+        raise InputError(
+            f"{path} cannot be read: {' '.join(str(error).split())[:160].rstrip('.')}. Leave --resume out."
+        ) from None
     if tuple(content.column_names) != tuple(columns):
         raise InputError(f"{path} is no table of this kind. Choose another name, or leave --resume out.")
     cells = [[_text(value) for value in column.to_pylist()] for column in content.columns]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gyronorth.many.table import Table
+from gyronorth.many.table import TableWriter
 from gyronorth.report.tables import Outcome
 
 
@@ -27,7 +27,7 @@ class Tally:
             reasons = [] if found is None else [finding.code for finding in found.reasons]
             self._count(failed=found is None, valid=found is not None and found.valid, reasons=reasons)
 
-    def of(self, table: Table) -> Tally:
+    def of(self, table: TableWriter) -> Tally:
         """The counts of all rows of a table."""
         tally = Tally()
         columns = (table.column(name) for name in ("message", "method", "valid", "reasons"))
@@ -67,7 +67,7 @@ class Counts:
         for outcome in outcomes:
             self._count(failed=bool(outcome.message))
 
-    def of(self, table: Table) -> Counts:
+    def of(self, table: TableWriter) -> Counts:
         """The counts of all rows of a table."""
         counts = Counts(self.what)
         for message in table.column("message"):

@@ -116,7 +116,7 @@ class AllanTask(_Task):
 
 def allan_columns() -> tuple[str, ...]:
     """Columns of the table of error terms, in the units of sensor profiles."""
-    from gyronorth.sensor.law import TERMS
+    from gyronorth.sensor.terms import TERMS
 
     gyro, accel = (f"gyro_{term.gyro.key}" for term in TERMS), (f"accel_{term.accel.key}" for term in TERMS)
     return (*ALLAN_BEFORE, *gyro, *accel, *ALLAN_BEHIND)
@@ -149,8 +149,13 @@ class ConvertTask(_Task):
         for item in items:
             target = self.target(item.name)
             other = taken.setdefault(place := os.path.realpath(target), item.name)
-            if other != item.name or (not is_url(item.address) and place == os.path.realpath(item.address)):
-                raise InputError(f"{item.name} would be written to {target}, and so is {other}. Choose another -o.")
+            if not is_url(item.address) and place == os.path.realpath(item.address):
+                raise InputError(f"{item.name} would be written over itself, to {target}. Choose another -o.")
+            if other != item.name:
+                raise InputError(
+                    f"{item.name} would be written to {target}, and so is {other}. Convert them apart, each with an -o "
+                    "of its own."
+                )
             if target.is_file() and not self.force:
                 raise InputError(f"{target} exists. Give another -o, or --force to overwrite such files.")
 

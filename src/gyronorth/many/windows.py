@@ -12,6 +12,7 @@ import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
+from gyronorth.readers.gaps import judged_in_parts
 from gyronorth.recording import Gap, Recording, gap_notes
 from gyronorth.report.tables import Outcome
 
@@ -63,7 +64,7 @@ def _windows(request: Request, name: str, path: Path, windows: tuple[float, floa
     from gyronorth import readers
 
     length, step = windows
-    _, chunks = readers.read_chunks(path, request.reading, chunk_samples=CHUNK_SAMPLES)
+    _, chunks = readers.read_chunks(path, request.reading, chunk_samples=CHUNK_SAMPLES, keep_gaps=True)
     before = request.reading.window[0] if request.reading.window else 0.0
     found = duration = 0.0
     for start, recording in _cut(map(request.unbiased, chunks), length, step):
@@ -73,6 +74,7 @@ def _windows(request: Request, name: str, path: Path, windows: tuple[float, floa
         place = (before + start, before + start + recording.duration)
         found += 1
         try:
+            judged_in_parts(recording.gaps, samples=len(recording.gyro_b), rate_hz=recording.rate_hz)
             outcome = Outcome(name, request.heading(recording), heading_true=recording.heading_true)
         except InputError as error:
             outcome = Outcome(name, message=str(error))

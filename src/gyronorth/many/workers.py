@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from gyronorth.errors import InputError
 
 if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
     import distributed
 
 #: How often a cluster gives a piece of work out again whose worker was lost or that failed.
@@ -32,8 +34,13 @@ def executor_on(scheduler: str | None, *, workers: int | None = None) -> Iterato
         pool = LocalPool(workers)
         try:
             yield pool
-        finally:
-            pool.shutdown(cancel_futures=True)
+        except Exception:
+            pool.shutdown(cancel_futures=True)  # what runs is let end
+            raise
+        except BaseException:  # Ctrl-C, or a signal: what runs may take an hour
+            pool.stop()
+            raise
+        pool.shutdown(cancel_futures=True)
         return
     try:
         from distributed import Client
@@ -55,18 +62,27 @@ class LocalPool(Executor):
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or os.cpu_count() or 1
         self._pool: ProcessPoolExecutor | None = None
+        self._open: Connection | None = None  # the processes end when it is closed
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **arguments: Any) -> Future[Any]:
         """Give work to a process; the first call starts them."""
         if self._pool is None:
             # Fork after PyTorch has started threads can hang.
-            self._pool = ProcessPoolExecutor(self.workers, mp_context=_spawn(), initializer=_begin)
+            context = _spawn()
+            theirs, self._open = context.Pipe(duplex=False)
+            self._pool = ProcessPoolExecutor(self.workers, mp_context=context, initializer=_begin, initargs=(theirs,))
         return self._pool.submit(function, *args, **arguments)
 
     def renew(self) -> None:
         """Forget the processes; the next work starts others."""
         self.shutdown(cancel_futures=True)
         self._pool = None
+
+    def stop(self) -> None:
+        """End the processes at once, whatever they do."""
+        if self._open is not None:
+            self._open.close()
+        self.shutdown(cancel_futures=True)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes."""
@@ -109,18 +125,20 @@ def _spawn() -> Any:
     return multiprocessing.get_context("spawn")
 
 
-def _begin() -> None:
-    """How a worker begins: it leaves an interruption to its parent, ends with it, and uses one thread."""
+def _begin(held: Connection) -> None:
+    """How a worker begins: it leaves an interruption to its parent, ends when told or with it, and uses one thread."""
     import multiprocessing
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+        threading.Thread(target=_end_with, args=(parent, held), daemon=True).start()
 
 
-def _end_with(parent: Any) -> None:
+def _end_with(parent: Any, held: Connection) -> None:
     """A parent that was killed tells its workers nothing: they would wait for work forever."""
-    parent.join()
+    from multiprocessing.connection import wait
+
+    wait([parent.sentinel, held])
     os._exit(1)

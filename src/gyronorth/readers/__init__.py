@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from gyronorth.readers.bag_folder import is_bag_folder
 from gyronorth.readers.options import ReadOptions, parse_columns
 from gyronorth.readers.reading import RecordingInfo, read, read_chunks
-from gyronorth.readers.registry import FORMATS, recordings_in
+from gyronorth.readers.registry import FORMATS, recordings_in, recordings_inside
 
 if TYPE_CHECKING:
     from gyronorth.readers.describing import Description, describe
@@ -29,6 +29,7 @@ __all__ = [
     "read",
     "read_chunks",
     "recordings_in",
+    "recordings_inside",
     "write",
     "write_chunks",
 ]
@@ -43,3 +44,7 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,15 +1,15 @@
 """Zip archives: which of the files in one are the recording.
 
 The only file that may be one, or a gyroscope's and an accelerometer's, or a bag of ROS 2 with all its files; of
-several the message names them. ARCHIVE.zip/FILE is a path too.
+several the message names them. ARCHIVE.zip/FILE is a path too, and so is ARCHIVE.zip/FOLDER of a phone or a bag.
 """
 
 from __future__ import annotations
 
 import shlex
 import zipfile
-from collections.abc import Iterable
-from pathlib import Path, PurePosixPath
+from collections.abc import Collection, Iterable
+from pathlib import Path, PurePath, PurePosixPath
 
 from gyronorth.errors import InputError
 from gyronorth.readers.bag_folder import METADATA
@@ -26,6 +26,19 @@ _BESIDE = frozenset(
 MOST_MEMBERS, _LISTED = 10_000, 12
 #: What stands in the names of files of accelerometers that hold no gravity, or are not corrected.
 _OTHER_KINDS = ("linear", "linacc", "uncal", "gravity", "userac")
+
+
+def state_of_member(path: Path) -> str:
+    """Digest of names, sizes and CRC of a file or folder ARCHIVE.zip/FILE, `zip:...`; empty for another path."""
+    from hashlib import sha256
+
+    if (inside := split_path(path)) is None:
+        return ""
+    archive, member = inside
+    with errors_translated(archive.name, "zip archive"), zipfile.ZipFile(archive) as opened:
+        every = [each for each in opened.infolist() if f"{each.filename}/".startswith(f"{member}/")]
+    state = "\n".join(f"{each.filename} {each.file_size} {each.CRC:08x}" for each in every)
+    return f"zip:{sha256(state.encode('utf-8', 'backslashreplace')).hexdigest()}" if every else ""
 
 
 def split_path(path: Path) -> tuple[Path, str] | None:
@@ -57,7 +70,7 @@ def unzipped(path: Path, member: str | None = None) -> tuple[Spooled, Path | Non
     path : Path
         The archive.
     member : str, optional
-        The file in it, where the user named one.
+        The file or folder in it, where one was named.
 
     Raises
     ------
@@ -68,7 +81,10 @@ def unzipped(path: Path, member: str | None = None) -> tuple[Spooled, Path | Non
     if any(name.rsplit("/", 1)[-1] in ("data.pkl", "object.pkl") for name in names):
         raise InputError(pickled(path.name))
     if member is not None and member not in names:
-        raise InputError(f"{path.name} holds no file {member}; it holds {_listed(names)}.")
+        within = [name for name in names if name.startswith(f"{member}/")]
+        if not within:
+            raise InputError(f"{path.name} holds no file {member}; it holds {_listed(names)}.")
+        names, member = within, None
     metadata = [name for name in names if PurePosixPath(name).name == METADATA]
     if member is None and len(metadata) == 1:
         return _folder(path, PurePosixPath(metadata[0]).parent, names), None
@@ -84,21 +100,59 @@ def unzipped(path: Path, member: str | None = None) -> tuple[Spooled, Path | Non
     return spooled, beside
 
 
+def members_of(path: Path, suffixes: Collection[str], *, others: bool) -> list[str]:
+    """The recordings in an archive: files, folders of a phone's two files or of a bag, or `.` for all of it together.
+
+    Parameters
+    ----------
+    path : Path
+        The archive.
+    suffixes : collection of str
+        Those of recordings.
+    others : bool
+        Whether other files count where none has such a suffix.
+
+    Raises
+    ------
+    InputError
+        If the archive is damaged.
+    """
+    names = _names(path)
+    likely = [name for name in names if _may_be_recording(name)]
+    known = [name for name in likely if inner_suffix(PurePosixPath(name)) in suffixes]
+    likely = known or (likely if others else [])
+    bags = {str(PurePosixPath(name).parent) for name in names if PurePosixPath(name).name == METADATA}
+    folders: dict[str, list[str]] = {}
+    for name in sorted(likely):
+        folders.setdefault(str(PurePosixPath(name).parent), []).append(name)
+    found = sorted(bags)
+    for folder, inside in folders.items():
+        if folder not in bags:
+            together = _of_a_phone(inside) is not None and (folder != "." or len(folders) == 1)
+            found += [folder] if together else inside
+    return found
+
+
+def _of_a_phone(names: list[str]) -> tuple[str, str | None] | None:
+    """The gyroscope's file among several of one folder and the accelerometer's; None where they are not so named."""
+    gyros, accels = _of_sensor(names, ("gyr",)), _of_sensor(names, ("acc",))
+    total = [name for name in accels if "total" in name.lower()]
+    accels = total if len(total) == 1 else accels
+    if len(names) < 2 or len(gyros) != 1 or len(accels) > 1:
+        return None
+    if PurePosixPath(gyros[0]).parent != PurePosixPath((accels or gyros)[0]).parent:
+        return None
+    return gyros[0], accels[0] if accels else None
+
+
 def _chosen(path: Path, names: list[str]) -> tuple[str, str | None]:
     likely = [name for name in names if _may_be_recording(name)]
     if not likely:
         raise InputError(f"{path.name} holds no recording; it holds {_listed(names) or 'no file'}.")
     if len(likely) == 1:
         return likely[0], None
-    gyros, accels = _of_sensor(likely, ("gyr",)), _of_sensor(likely, ("acc",))
-    total = [name for name in accels if "total" in name.lower()]
-    accels = total if len(total) == 1 else accels
-    if (
-        len(gyros) == 1
-        and len(accels) <= 1
-        and PurePosixPath(gyros[0]).parent == PurePosixPath((accels or gyros)[0]).parent
-    ):
-        return gyros[0], accels[0] if accels else None
+    if (two := _of_a_phone(likely)) is not None:
+        return two
     raise InputError(
         f"{path.name} holds {len(likely)} files that may be recordings: {_listed(likely)}. Say which one.\n"
         f"Try: gyronorth info {shlex.quote(f'{path}/{likely[0]}')}"
@@ -165,7 +219,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(name[:80] for name in names[:_LISTED]) + more
 
 
-def inner_suffix(path: Path) -> str:
+def inner_suffix(path: PurePath) -> str:
     """The suffix of a file, of a packed one that before the packing's."""
     suffix = path.suffix.lower()
-    return Path(path.stem).suffix.lower() if suffix in SUFFIXES else suffix
+    return PurePath(path.stem).suffix.lower() if suffix in SUFFIXES else suffix

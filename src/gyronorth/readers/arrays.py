@@ -26,8 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.columns import Chosen as Named
-from gyronorth.readers.columns import by_numbers, by_titles
+from gyronorth.readers.array_names import (
+    ACCEL_ARRAYS,
+    GYRO_ARRAYS,
+    INTERVAL_SCALARS,
+    RATE_SCALARS,
+    TIME_ARRAYS,
+)
+from gyronorth.readers.columns import Chosen, by_numbers, by_titles
 from gyronorth.readers.layout import COMPARED, TextLayout
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Question
@@ -41,25 +47,6 @@ MOST_COLUMNS = 256
 WIDE = 4
 #: Columns whose titles are looked at, and fewest rows whose numbers are.
 MOST_NAMED, FEWEST_ROWS = 128, 20
-#: Names of arrays without case, digits at the end and what is no letter or digit.
-GYRO_ARRAYS = frozenset(
-    ("gyro", "gyr", "gyros", "gyroscope", "gyroscopes", "wb", "wibb", "w", "omega", "omegab", "omegaibb", "angvel",
-     "angularvelocity", "angularrate", "angularrates", "angrate", "turnrate", "imugyro", "gyrodata", "gyrob",
-     "rotationrate")
-)  # fmt: skip
-ACCEL_ARRAYS = frozenset(
-    ("accel", "acc", "accels", "accelerometer", "accelerometers", "acceleration", "accelerations", "fb", "fibb", "f",
-     "a", "ab", "specificforce", "specforce", "linacc", "linearacceleration", "imuaccel", "imuacc", "acceldata",
-     "accdata", "accelb", "accb")
-)  # fmt: skip
-TIME_ARRAYS = frozenset(
-    ("t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "tb", "timu", "imut", "imutime", "seconds")
-)
-#: Scalars that hold the rate, Hz, and the interval, s.
-RATE_SCALARS, INTERVAL_SCALARS = (
-    frozenset(("freq", "fs", "rate", "ratehz", "samplerate", "freqhz")),
-    frozenset(("ts", "dt")),
-)
 _NAVEGO = Facts(gyro_unit="rad/s", accel_unit="m/s2", axes="frd")
 _PSINS = Facts(gyro_unit="rad/s", accel_unit="m/s2", axes="rfu")
 
@@ -72,10 +59,11 @@ class Column:
     rows: int
     part: int | str | None = None  # column of a matrix, field of a record, None: the array itself
     transposed: bool = False  # rows and columns stand the other way round
+    unit: str = ""  # that the file states of it, as it stands there
 
 
 @dataclass(frozen=True)
-class Chosen:
+class ChosenArrays:
     """The columns that are read, and what follows from how they were found."""
 
     columns: dict[str, Column]  # our name -> column
@@ -157,7 +145,7 @@ def choose(
     holds: str,
     mark: str = ".",
     aliases: Mapping[str, tuple[str, ...]] = OUR_TITLES,
-) -> Chosen:
+) -> ChosenArrays:
     """The columns of a recording among named arrays.
 
     Parameters
@@ -193,13 +181,15 @@ def choose(
             titles, where = under(there, matrix, name, mark=mark), f"variable {matrix} of {name}"
         listed = list(titles)
         bare = all(title.isdigit() for title in listed)
-        by = Named() if options.columns else _by_columns(titles, look, options, where, mark, bare=bare)
+        by = Chosen() if options.columns else _by_columns(titles, look, options, where, mark, bare=bare)
         declared = options.columns or by.columns or None
         positions = choose_columns(len(listed) if bare else listed, declared, aliases, where, needed=options.needed)
         named = {ours: listed[positions[ours]] for ours in NAMES if ours in positions}
         increments = "both" if len(by.increments) == 2 else next(iter(by.increments), False)
         stated = Facts(gyro_unit=by.gyro_unit, accel_unit=by.accel_unit, increments=increments)
-        found = Chosen({ours: titles[title] for ours, title in named.items()}, named, stated, questions=by.questions)
+        found = ChosenArrays(
+            {ours: titles[title] for ours, title in named.items()}, named, stated, questions=by.questions
+        )
     rows = {title: column.rows for title, column in found.columns.items()}
     if len(set(rows.values())) > 1:
         lengths = ", ".join(f"{title} {count}" for title, count in rows.items())
@@ -208,14 +198,15 @@ def choose(
 
 
 def _with_clock(
-    chosen: Chosen, look: Callable[[Column], NDArray[np.float64]], options: ReadOptions, mark: str
-) -> Chosen:
+    chosen: ChosenArrays, look: Callable[[Column], NDArray[np.float64]], options: ReadOptions, mark: str
+) -> ChosenArrays:
     """The clock by title, steps and what is declared; that of a known layout is in seconds."""
     title = chosen.titles[TIME]
     layout = first_rows((title,), [look(chosen.columns[TIME])])
     known = options.rate_hz or chosen.stated.rate_hz
     unit = options.time_unit or ("s" if chosen.usual != Facts() else None)
-    parts = [Title("time", ()) if title.isdigit() else take_apart(last_part(title, mark))]
+    part = take_apart(last_part(title, mark), chosen.columns[TIME].unit)
+    parts = [Title("time", ()) if title.isdigit() else part]
     clock = find_clock(layout, parts, 0, unit, known)
     questions = (*chosen.questions, *([clock.question] if clock.question else []))
     return replace(chosen, clock=clock.clock, questions=questions)
@@ -229,16 +220,17 @@ def _by_columns(
     mark: str,
     *,
     bare: bool,
-) -> Named:
+) -> Chosen:
     """The columns by the words of their titles, or by what their numbers do where they have none."""
     rows = max(column.rows for column in titles.values())
     if len(titles) > MOST_NAMED or (bare and rows < FEWEST_ROWS):
-        return Named() if not bare else _numbered(where, len(titles))
+        return Chosen() if not bare else _numbered(where, len(titles))
     listed = list(titles)
     values = [look(titles[title]) if titles[title].rows == rows else np.full(1, np.nan) for title in listed]
     layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
-        return by_titles(layout, [take_apart(last_part(title, mark)) for title in listed], options, None)
+        parts = [take_apart(last_part(title, mark), titles[title].unit) for title in listed]
+        return by_titles(layout, parts, options, None)
     found = by_numbers(layout)
     if found is None:
         return _numbered(where, len(titles))
@@ -247,7 +239,7 @@ def _by_columns(
     return replace(found, questions=(replace(found.questions[0], says=says),))
 
 
-def _numbered(where: str, width: int) -> Named:
+def _numbered(where: str, width: int) -> Chosen:
     raise InputError(
         f"{where[0].upper()}{where[1:]} has {width} columns without names. Say which one is which by its number from "
         "0, as in --columns w_x=4,w_y=5,w_z=6,f_x=8,f_y=9,f_z=10."
@@ -264,7 +256,7 @@ def first_rows(titles: tuple[str, ...], values: Sequence[NDArray[np.float64]]) -
     )  # fmt: skip
 
 
-def told_of(chosen: Chosen, *, turned: bool = True) -> str:
+def told_of(chosen: ChosenArrays, *, turned: bool = True) -> str:
     """What each column was taken for, for people; with `turned`, also where samples stand in columns."""
     arrays = {ours: column.array for ours, column in chosen.columns.items()}
     titles = chosen.titles
@@ -291,7 +283,7 @@ def _group(array: str, mark: str) -> str:
     return array.rsplit(mark, 1)[0] if mark in array else ""
 
 
-def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name: str, mark: str) -> Chosen | None:
+def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name: str, mark: str) -> ChosenArrays | None:
     """Angular rates, forces and time by the names of whole arrays; None where no array is called so."""
     arrays: dict[str, dict[str, Column]] = {}
     for title, column in titles.items():
@@ -335,12 +327,14 @@ def _by_arrays(titles: Mapping[str, Column], scalars: Mapping[str, float], name:
     rate_hz = None if times else _rate(scalars, group, mark)
     ordered = {ours: columns[ours] for ours in NAMES if ours in columns}
     if navego:
-        return Chosen(
+        return ChosenArrays(
             ordered, named, Facts(rate_hz=rate_hz), _NAVEGO, "read as NaveGo: rad/s, m/s2, forward-right-down"
         )
-    gyro_unit = _unit_behind(gyro, mark, GYRO_ARRAYS, GYRO_SPELLINGS)
-    accel_unit = _unit_behind(accels[0], mark, ACCEL_ARRAYS, ACCEL_SPELLINGS) if accels else None
-    return Chosen(ordered, named, Facts(rate_hz=rate_hz, gyro_unit=gyro_unit, accel_unit=accel_unit))
+    gyro_unit = spelled(columns[RATES[0]].unit, GYRO_SPELLINGS)
+    gyro_unit = gyro_unit or _unit_behind(gyro, mark, GYRO_ARRAYS, GYRO_SPELLINGS)
+    accel_unit = spelled(columns[FORCES[0]].unit, ACCEL_SPELLINGS) if accels else None
+    accel_unit = accel_unit or (_unit_behind(accels[0], mark, ACCEL_ARRAYS, ACCEL_SPELLINGS) if accels else None)
+    return ChosenArrays(ordered, named, Facts(rate_hz=rate_hz, gyro_unit=gyro_unit, accel_unit=accel_unit))
 
 
 def _unit_behind(array: str, mark: str, names: Collection[str], spellings: dict[str, tuple[str, ...]]) -> str | None:
@@ -364,7 +358,7 @@ def _rate(scalars: Mapping[str, float], group: str, mark: str) -> float | None:
     return None
 
 
-def _psins(titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.float64]]) -> Chosen | None:
+def _psins(titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.float64]]) -> ChosenArrays | None:
     """A matrix of PSINS: three increments of angle, three of velocity, time."""
     arrays: dict[str, list[tuple[str, Column]]] = {}
     for title, column in titles.items():
@@ -385,7 +379,7 @@ def _psins(titles: Mapping[str, Column], look: Callable[[Column], NDArray[np.flo
         f"read as PSINS: {array} holds increments of angle (rad) and velocity (m/s), right-front-up, and ends in time"
     )
     ordered = {ours: columns[ours] for ours in NAMES}
-    return Chosen(ordered, named, Facts(increments=True), _PSINS, told)
+    return ChosenArrays(ordered, named, Facts(increments=True), _PSINS, told)
 
 
 def _only_matrix(titles: Mapping[str, Column], name: str, holds: str) -> str | None:

@@ -62,7 +62,13 @@ def counted(source: Source, size: int) -> Source:
     return replace(source, blocks=partial(_counted, source, size))
 
 
-def open_apart(open_it: Callable[[], Source], *, name: str, size: int) -> Source:
+def limits_of(size: int, packed: int | None = None) -> Limits:
+    """Time and memory of what decodes a file of `size` bytes, which may have been unpacked from fewer."""
+    honest = size if packed is None else min(size, DECODED_RATIO * packed)
+    return Limits(seconds=TIME_FLOOR + honest / SLOWEST, memory=MEMORY_FLOOR + MEMORY_RATIO * size)
+
+
+def open_apart(open_it: Callable[[], Source], *, name: str, size: int, packed: int | None = None) -> Source:
     """A source whose file is opened and decoded in a process of its own.
 
     Parameters
@@ -73,14 +79,15 @@ def open_apart(open_it: Callable[[], Source], *, name: str, size: int) -> Source
         Of the file, for messages.
     size : int
         Bytes of the file.
+    packed : int, optional
+        Of the file that it was unpacked from: recordings pack to a fiftieth at most, and the time is bounded by that.
 
     Raises
     ------
     InputError
         What `open_it` raises; or if the limits are exceeded, here or while the blocks are read.
     """
-    limits = Limits(seconds=TIME_FLOOR + size / SLOWEST, memory=MEMORY_FLOOR + MEMORY_RATIO * size)
-    child = Apart(lambda: _Decoder(open_it()), limits=limits, what=name)
+    child = Apart(lambda: _Decoder(open_it()), limits=limits_of(size, packed), what=name)
     source: Source = child.ask(("source",))
     parts = source.parts
     return replace(

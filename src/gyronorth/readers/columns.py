@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
+from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.evidence import accel_fits, gyro_fits
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import OUR_TITLES, ReadOptions
 from gyronorth.readers.presets import Preset
 from gyronorth.readers.source import FORCES, RATES, TIME, Question
 from gyronorth.readers.text_clock import choose_clock, numbers
-from gyronorth.readers.titles import Title, Triple, label, triples
+from gyronorth.readers.titles import OTHER_WORDS, Title, Triple, label, triples
 
 #: Words of columns that stand beside those that are meant.
-_BESIDE = ("linear", "raw", "uncal", "adc", "lsb")
+_BESIDE = ("linear", "lin", "raw", "uncal", "uncalibrated", "uncomp", "uncompensated", "adc", "lsb")
 _WORDS = {"gyro": "angular rate", "accel": "specific force"}
 
 
@@ -63,8 +64,9 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
         else:
             candidates = [each for each in found if each.kind == kind]
             # Phones call linear what has gravity taken out; what is raw stands beside what is calibrated.
-            plain = [each for each in candidates if not any(word in each.label.lower() for word in _BESIDE)]
+            plain = [each for each in candidates if not set(each.words) & set(_BESIDE)]
             candidates = plain or candidates
+            candidates = [_along(each, options.axes) for each in candidates]
             triple = candidates[0] if candidates else None
             needed = ours == options.needed
             questions += _doubts(kind, candidates, parts, titles, columns if needed else None)
@@ -77,6 +79,13 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
         if triple is not None and triple.scale != 1 and getattr(options, f"{kind}_scale") is None:
             says = f"The titles of {triple.label} count by {triple.scale:g} {triple.unit}."
             questions.insert(0, Question(says, (f"--{kind}-scale", f"{triple.scale:.10g}")))
+    if (
+        options.needed == RATES
+        and options.accel_file is None
+        and not any(name in {**columns, **declared} for name in FORCES)
+    ):
+        named, asked = _unnamed_force(layout, parts, columns | declared)
+        columns, questions = columns | named, questions + asked
     if TIME not in declared and TIME not in columns:
         exact = [title for title in OUR_TITLES[TIME] if titles.count(title) == 1]
         position = titles.index(exact[0]) if exact and titles.index(exact[0]) not in _taken(columns, titles) else None
@@ -99,7 +108,11 @@ def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | 
     starts = [i for i in range(layout.width - 2) if all(k in free for k in (i, i + 1, i + 2))]
     vertical = [i for i in starts if accel_fits(values[:, i : i + 3], rate_hz) and _steady(values[:, i : i + 3])]
     vertical = [i for i in vertical if i - 1 not in vertical or i - 2 in vertical] or vertical
-    accel = vertical[0] if vertical else None
+    # Columns that never change are no sensor, though a quaternion at rest has the norm 1 as gravity in g.
+    vertical = [i for i in vertical if (np.ptp(values[:, i : i + 3], axis=0) > 0).any()] or vertical
+    near = [i for i in starts if any(fit.certain for fit in gyro_fits(values[:, i : i + 3], rate_hz))]
+    beside = [i for i in vertical if i - 3 in near or i + 3 in near]
+    accel = (beside or vertical)[0] if vertical else None
     if needed == FORCES and accel is None and len(starts) == 1:
         accel = starts[0]
     rates = [i for i in starts if accel is None or abs(i - accel) >= 3]
@@ -129,6 +142,34 @@ def told(columns: Mapping[str, int], titles: Sequence[str], units: Mapping[str, 
             unit = units.get(kind, "")
             parts.append(f"{word}: {name}" + (f" ({unit})" if unit and not name.endswith((")", "]")) else ""))
     return ", ".join([*parts, f"clock: {clock}" if clock else "no clock"])
+
+
+def _unnamed_force(
+    layout: TextLayout, parts: Sequence[Title], columns: Mapping[str, str | int]
+) -> tuple[dict[str, str | int], list[Question]]:
+    """Three columns side by side that feel gravity, though no title says so; none where no or several ones do."""
+    titles = layout.titles
+    taken = _taken(columns, titles)
+    free = [i for i, part in enumerate(parts) if i not in taken and not part.kind and not set(part.words) & OTHER_WORDS]
+    found = []
+    for i in (i for i in free if i + 1 in free and i + 2 in free):
+        values = np.column_stack([numbers(layout, position) for position in (i, i + 1, i + 2)])
+        if is_gravity(values):
+            found.append(i)
+    if len(found) != 1:
+        return {}, []
+    named: dict[str, str | int] = {ours: _name(found[0] + k, titles) for k, ours in enumerate(FORCES)}
+    says = f"{label(titles[found[0]], titles[found[0] + 2])} are like the specific force, and no title says so."
+    return named, [Question(says, ("--columns", columns_text({**columns, **named})), certain=False)]
+
+
+def _along(triple: Triple, axes: str | None) -> Triple:
+    """Columns named after directions of the body, in the order x, y, z of the declared axes: in rfu, x is lateral."""
+    if axes is None or not triple.worded:
+        return triple
+    along = np.argmax(np.abs(mat_bf(axes)), axis=0)
+    x, y, z = (triple.positions[body] for body in along)
+    return replace(triple, positions=(x, y, z))
 
 
 def _which(kind: str, ours: tuple[str, ...], candidates: Sequence[Triple], titles: Sequence[str]) -> Question:
@@ -197,6 +238,12 @@ def _taken(columns: Mapping[str, str | int], titles: Sequence[str]) -> list[int 
 
 def _agreed(units: Sequence[str | None]) -> str | None:
     return units[0] if units and len(set(units)) == 1 else None
+
+
+def is_gravity(values: np.ndarray) -> bool:
+    """Whether three columns, shape (n, 3), feel gravity at rest: of a steady norm that is gravity in some unit."""
+    moves = len(values) > 1 and np.isfinite(values).all() and (np.ptp(values, axis=0) > 0).any()
+    return bool(moves and accel_fits(values, None) and _steady(values))
 
 
 def _steady(values: np.ndarray) -> bool:

@@ -15,12 +15,10 @@ from gyronorth.readers.evidence import Fit, accel_fits, earth_words, gyro_fits, 
 from gyronorth.readers.joining import accelerometer_beside
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS, ReadOptions, increments_of
 from gyronorth.readers.source import FORCES, RATES, TIME, Question, Source
-from gyronorth.recording import AxesOrigin
+from gyronorth.recording import AxesOrigin, agreed_latitude
 
 #: Largest relative difference between a declared rate and the one that the file states.
 RATE_STATED_TOLERANCE = 1e-3
-#: Largest difference between a declared latitude and the one that the file states, rad.
-LATITUDE_TOLERANCE = float(np.radians(0.1))
 
 #: Shortest sample interval from which a rate is told, s.
 SHORTEST_STEP = 1e-9
@@ -87,7 +85,7 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
     """
     stated, usual, name = source.stated, source.usual, source.name
     if source.decoded:
-        options = replace(options, gyro_unit=None, accel_unit=None, increments=None)
+        options = replace(options, gyro_unit=None, accel_unit=None, gyro_scale=None, accel_scale=None, increments=None)
         if source.usual.rate_hz or (source.clock is not None and source.clock.unit is not None):
             options = replace(options, rate_hz=None)  # the frames have settled it, and told of a conflict
     has_accel = FORCES[0] in source.columns
@@ -123,10 +121,10 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
         gyro_increments="gyro" in increments,
         accel_increments="accel" in increments and has_accel,
         mat_vf=None if np.array_equal(turned, np.eye(3)) else turned,
-        latitude=_latitude(source, options),
+        latitude=agreed_latitude(options.latitude, source.stated.latitude, source.name),
         heading_true=heading_true,
-        gyro_scale=1.0 if options.gyro_scale is None else options.gyro_scale,
-        accel_scale=1.0 if options.accel_scale is None else options.accel_scale,
+        gyro_scale=options.gyro_scale or usual.gyro_scale or 1.0,
+        accel_scale=options.accel_scale or usual.accel_scale or 1.0,
         increment_interval=options.increment_interval,
     )
 
@@ -293,13 +291,3 @@ def _rate(source: Source, options: ReadOptions) -> tuple[float | None, str]:
         also = "" if TIME in source.columns else " or name its time column (seconds): --columns t=NAME"
         return None, f"{source.name} {why} and does not state its rate. Declare it: --rate HZ{also}."
     return rate_hz, ""
-
-
-def _latitude(source: Source, options: ReadOptions) -> float | None:
-    declared, stated = options.latitude, source.stated.latitude
-    if declared is not None and stated is not None and not abs(declared - stated) <= LATITUDE_TOLERANCE:
-        raise InputError(
-            f"{source.name} states latitude {np.degrees(stated):.4f} deg; {np.degrees(declared):.4f} deg is given. "
-            f"They may differ by {np.degrees(LATITUDE_TOLERANCE):.1f} deg: leave --latitude out, or correct it."
-        )
-    return stated if stated is not None else declared

@@ -61,6 +61,9 @@ def read_facts(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[F
             raise InputError(f"{where(key)}: {error}") from None
         return text
 
+    increments = texts.get("increments") or False
+    if increments not in (False, "gyro", "accel", "both"):
+        raise InputError(f"{where('increments')}: increments is {increments!r:.60}; gyro, accel or both is expected.")
     assumed = understood("axes_assumed", mat_bf)
     axes, start = understood("axes", mat_bf), understood("start_time_utc", lambda text: shift_utc(text, 0.0))
     latitude_deg, heading_deg = value("latitude_deg", -90, 90), value("heading_true_deg", -360, 360)
@@ -73,6 +76,7 @@ def read_facts(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[F
         axes_assumed=assumed,
         latitude=None if latitude_deg is None else _radians(latitude_deg),
         heading_true=None if heading_deg is None else _radians(heading_deg),
+        increments=increments,
         session=texts.get("session"),
         start_time_utc=start,
         samples=None if samples is None else int(float(samples)),

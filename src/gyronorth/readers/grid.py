@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
@@ -9,17 +11,15 @@ from gyronorth.errors import InputError
 from gyronorth.readers.asking import OpenQuestion, ask
 from gyronorth.readers.clock import Envelope, measure, width_of
 from gyronorth.readers.declared import Declared
+from gyronorth.readers.gaps import LONGEST_GAP, LONGEST_KEPT, MOST_MISSING, straight_lines, too_long, too_many
 from gyronorth.readers.no_clock import NO_CLOCK, coarse, no_rate, timeless, unclear, whole_numbers
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.order import RESTART_ROWS, ClockCounts, TimeOrder
 from gyronorth.readers.source import DESCRIBED, FLAGS, Block, Clock, Question, Source
 from gyronorth.readers.usable import mostly_unusable, usable_rows, why_unusable
-from gyronorth.readers.waiting import Rows, repeats
+from gyronorth.readers.waiting import WaitingRows, repeats
 from gyronorth.recording import Gap
 
-#: Longest gap that is bridged, s, and largest share of samples that may be missing or dropped.
-LONGEST_GAP = 10.0
-MOST_MISSING = 0.1
 #: A rate that comes from a time column is expected within these bounds, Hz.
 TIMED_RATES = (0.5, 20000.0)
 #: Largest relative difference between a declared rate and that of the time column.
@@ -52,6 +52,7 @@ class GridBuilder:
     def __init__(self, source: Source, declared: Declared, options: ReadOptions) -> None:
         self.rate_hz = declared.rate_hz
         self.gaps: list[Gap] = []
+        self._longest, self._most = LONGEST_GAP, MOST_MISSING  # s, and share that may be missing
         self.rows_dropped = 0
         self.leading = 0  # rows dropped before the first sample
         self.samples = 0  # samples returned so far
@@ -70,7 +71,7 @@ class GridBuilder:
         self._last_row = 0
         self._last_values: Array | None = None  # of the last row on the grid
         self._last_stamp = 0.0  # of the last row on the grid
-        self._waiting = Rows.none(len(declared.scale(1.0)))
+        self._waiting = WaitingRows.none(len(declared.scale(1.0)))
         self._scatter = (0, 0.0)  # steps since `jitter` was taken, sum of their squares about the interval
         self._described: list[tuple[int, str]] = []
 
@@ -79,8 +80,16 @@ class GridBuilder:
         """Whether the window lies behind, so that the rest of the file is not needed."""
         return self._position + 1 >= self._window[1]
 
+    def keep_gaps(self) -> None:
+        """Bridge gaps of up to a day, any number of them: the caller decides by `gaps` whether they are too many."""
+        self._longest, self._most = LONGEST_KEPT, 1.0
+
     def push(self, block: Block) -> Array:
         """Uniform samples, shape (m, 3) or (m, 6), SI in file axes, that `block` adds."""
+        return np.concatenate(list(self.pushed(block)))
+
+    def pushed(self, block: Block) -> Iterator[Array]:
+        """The same in pieces."""
         self.rows += len(block.rows) + len(block.bad.rows)
         if not self._settled and len(block.values):
             self._settle(block)
@@ -101,22 +110,24 @@ class GridBuilder:
                 data, rows, stamps = data[:end][ordered[:end]], rows[:end][ordered[:end]], stamps[:end][ordered[:end]]
         if block.flags is not None and block.flags.any():
             self._marks.append((block.rows, block.flags))
-        self._waiting = self._waiting.followed_by(Rows(data, rows, stamps, np.concatenate(bad), tuple(reasons)))
-        samples = self._placed(stamps, last=restart is not None)
+        self._waiting = self._waiting.followed_by(WaitingRows(data, rows, stamps, np.concatenate(bad), tuple(reasons)))
+        yield from self._placed(stamps, last=restart is not None)
         if restart is not None and not self.done:
             self.raise_bad()
             raise self._restarted(restart[1])
         if self.rows_dropped > PATIENCE and self.rows_dropped > self.rows / 2:
             self.finish()
-        return samples
 
     def flush(self) -> Array:
         """The samples of rows that waited for the stamps behind them; to be called behind the last block."""
-        samples = self._placed(np.zeros(0), last=True)
-        self._end_scatter()
-        return samples
+        return np.concatenate(list(self.flushed()))
 
-    def _placed(self, stamps: Array, *, last: bool) -> Array:
+    def flushed(self) -> Iterator[Array]:
+        """The same in pieces."""
+        yield from self._placed(np.zeros(0), last=True)
+        self._end_scatter()
+
+    def _placed(self, stamps: Array, *, last: bool) -> Iterator[Array]:
         """Samples of the waiting rows, of which `stamps` are the new ones, as far as their places are settled."""
         rows = self._waiting
         if self._envelope is None:
@@ -131,15 +142,16 @@ class GridBuilder:
         positions = self._position + np.cumsum(steps.astype(np.int64))
         self._note_bad(now.bad, list(now.reasons), now.numbers, positions)
         if len(now.numbers) == 0:
-            return now.data
+            yield now.data
+            return
         self._count_flags(now.numbers, positions)
         self._note_jitter(now.stamps, steps)
-        samples = self._bridged(now.data, positions, steps)
+        for samples in self._bridged(now.data, positions, steps):
+            self.samples += len(samples)
+            yield samples
         self._position, self._last_row = int(positions[-1]), int(now.numbers[-1])
         self._last_values, self._last_stamp = now.data[-1], float(now.stamps[-1])
-        self.samples += len(samples)
         self._check_span()
-        return samples
 
     def _count_flags(self, numbers: Index, positions: Index) -> None:
         """Rows inside the window that the unit marks."""
@@ -335,30 +347,27 @@ class GridBuilder:
     def _check_gaps(self, steps: Array, rows: Index) -> None:
         """No gap inside the window is longer than what a straight line may bridge."""
         rate_hz = self.rate_hz or 1.0
-        limit = max(2.0, LONGEST_GAP * rate_hz + 1)
+        limit = max(2.0, self._longest * rate_hz + 1)
         for i in np.flatnonzero(steps > limit):
             before = self._position + float(steps[:i].sum())
             if steps[i] > 1e12 or (before + 1 < self._window[1] and before + steps[i] > self._window[0]):
-                says = (
-                    f"Row {rows[i]} of {self._source.name}: {steps[i] / rate_hz:.6g} s lie between this row and the "
-                    f"one before, which ends {(before + 1) / rate_hz:.6g} s of data; gaps of up to {LONGEST_GAP:g} s "
-                    "are bridged. Take a part without the gap: --window START:END, or split the file."
-                )
+                row = f"Row {rows[i]} of {self._source.name}"
+                says = too_long(row, steps[i] / rate_hz, (before + 1) / rate_hz, longest=self._longest)
                 start, end = self._window[0] / rate_hz, np.floor(100 * (before + 1) / rate_hz) / 100
                 if end - start < LEAST_PART:
                     raise InputError(says)
                 raise self._cured(says, "--window", f"{start:g}:{end:g}")
 
-    def _bridged(self, data: Array, positions: Index, steps: Array) -> Array:
+    def _bridged(self, data: Array, positions: Index, steps: Array) -> Iterator[Array]:
         """The samples inside the window, straight lines across gaps."""
         first, last = self._window
         gap = np.flatnonzero(steps > 1)
         if len(gap) and self._last_values is None:
             gap = gap[gap > 0]
         if len(gap) == 0:
-            if positions[0] >= first and positions[-1] < last:
-                return data
-            return data[(positions >= first) & (positions < last)]
+            whole = positions[0] >= first and positions[-1] < last
+            yield data if whole else data[(positions >= first) & (positions < last)]
+            return
         rate_hz = self.rate_hz or 1.0
         for i in gap:
             low, high = max(positions[i] - int(steps[i]) + 1, first), min(positions[i], last)
@@ -366,20 +375,13 @@ class GridBuilder:
                 self.gaps.append(Gap(float(low - first) / rate_hz, int(high - low)))
                 self.missing += int(high - low)
         self._check_missing(self.samples + len(data), slack=LONGEST_GAP * rate_hz)
-        knots, values = positions, data
-        if self._last_values is not None:
-            knots = np.concatenate([[self._position], positions])
-            values = np.vstack([self._last_values, data])
-        grid = np.arange(max(first, self._position + 1), min(last, positions[-1] + 1))
-        return np.stack([np.interp(grid, knots, column) for column in values.T], axis=1)
+        yield data[:0]
+        yield from straight_lines(self._position, self._last_values, positions, data, (first, last))
 
     def _check_missing(self, samples: int | None = None, slack: float = 0.0) -> None:
         total = self.samples if samples is None else samples + self.missing
-        if self.missing > MOST_MISSING * total + slack:
-            raise InputError(
-                f"{self.missing} of {total} samples of {self._source.name} are missing; up to {MOST_MISSING:.0%} are "
-                "bridged. Take a better part: --window START:END, or split the file."
-            )
+        if self.missing > self._most * total + slack:
+            raise InputError(too_many(self.missing, total, self._source.name))
 
     def _note_bad(self, bad: Index, reasons: list[tuple[int, str]], rows: Index, positions: Index) -> None:
         """Count the bad rows that fall into the window."""

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from gyronorth.errors import InputError
 from gyronorth.readers.fields import is_number, split
-from gyronorth.readers.spellings import is_unit
-from gyronorth.readers.text import LONGEST_LINE
+from gyronorth.readers.spellings import counts_in, is_unit
+from gyronorth.readers.text_head import LONGEST_LINE
 from gyronorth.readers.times import time_text
 
 #: Bytes at the start that are looked at, bytes at the end, and lines of rows that are compared.
@@ -67,6 +67,7 @@ class TextLayout:
     rate_hz: float | None = None  # that the preamble states
     header: str = ""  # the line of the titles
     cut: int | None = None  # fields of the rows where they are other than the titles
+    counts: dict[str, tuple[str, float, str]] = field(default_factory=dict)  # see `counts_in`
 
     def words(self) -> str:
         """What is unusual about it, for people; "" for a plain CSV."""
@@ -138,7 +139,7 @@ def sniff(path: Path) -> TextLayout:
         sparse=any(not cell.strip() for row in usual for cell in row),
         rows=tuple(tuple(cell.strip() for cell in row) for row in usual), rate_hz=rate_hz,
         header=plain[header_row] if header_row is not None else "",
-        cut=None if usual or not rows else len(rows[0]),
+        cut=None if usual or not rows else len(rows[0]), counts=counts_in(plain[:first]),
     )  # fmt: skip
 
 

@@ -17,14 +17,20 @@ def library(module: str, file: str, format: str, extra: str = "io") -> Any:
     Raises
     ------
     InputError
-        If it is not installed; the message names the extra.
+        If it is not installed, with the extra that brings it; or cannot be loaded.
     """
+    package = module.partition(".")[0]
     try:
         return importlib.import_module(module)
-    except ImportError:
+    except ModuleNotFoundError:
         raise InputError(
-            f"{file}: {format} needs {module.partition('.')[0]}, which is not installed. Install it with: pip install "
+            f"{file}: {format} needs {package}, which is not installed. Install it with: pip install "
             f"'gyronorth[{extra}]'."
+        ) from None
+    except ImportError as error:
+        raise InputError(
+            f"{file}: {package} is installed but cannot be loaded ({' '.join(str(error).split())[:160]}): there is too "
+            "little memory, or its installation is damaged."
         ) from None
 
 

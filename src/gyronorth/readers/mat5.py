@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +31,11 @@ _CLASSES = {
     10: "int16", 11: "uint16", 12: "int32", 13: "uint32", 14: "int64", 15: "uint64", 16: "function", 17: "opaque",
 }  # fmt: skip
 NUMERIC = frozenset(range(6, 16))
+#: How the kind of an object begins; its class follows.
+OBJECT = "object of class"
 _COMPLEX, _LOGICAL = 0x0800, 0x0200
+#: Class of tables, timetables and all other objects: what is in them only MATLAB knows.
+_OBJECT = 17
 _HEADER = 128
 #: Bytes of an array that hold its flags, sizes and name; a name has at most 63 characters.
 _HEAD = 1024
@@ -204,7 +208,10 @@ def _described(head: bytes, element: memoryview, order: str, *, compressed: bool
         parts.append((kind, data))
         small = struct.unpack_from(order + "I", head, place)[0] >> 16
         place += 8 if small else 8 + -(-len(data) // 8) * 8
-        if len(parts) == 3:
+        if len(parts) == 4 and [kind for kind, _ in parts] == [6, 1, 1, 1]:  # flags, name, system, class
+            texts = [data.decode("ascii", "replace") for _, data in parts[1:]]
+            return Variable(texts[0], (1, 1), f"{OBJECT} {texts[2]}", False, element, compressed, place)
+        if len(parts) == 3 and not _is_object(parts, order):
             break
     else:
         raise MatError("an array ends within its header")
@@ -226,6 +233,29 @@ def _described(head: bytes, element: memoryview, order: str, *, compressed: bool
         compressed=compressed,
         data=place,
     )
+
+
+def _is_object(parts: list[tuple[int, bytes]], order: str) -> bool:
+    """Whether the header of an array begins as that of an object, which has no shape."""
+    (kind, flags), (second, _), _ = parts
+    return (kind, second, len(flags)) == (6, 1, 8) and struct.unpack_from(order + "I", flags)[0] & 0xFF == _OBJECT
+
+
+def objects_refused(name: str, objects: Mapping[str, str]) -> str:
+    """The message about tables, timetables and other objects of MATLAB: name -> class."""
+    listed = ", ".join(f"{title} ({kind})" for title, kind in list(objects.items())[:8])
+    tables = [title for title, kind in objects.items() if kind in ("table", "timetable")]
+    first = tables[0] if tables else next(iter(objects))
+    kind = objects[first]
+    if kind == "timetable" and len(tables) > 1:
+        cure = f"writetimetable(synchronize({tables[0]}, {tables[1]}, 'first', 'linear'), 'imu.csv'); then read imu.csv"
+    elif tables:
+        cure = f"write{kind}({first}, 'imu.csv'); then read imu.csv"
+    elif kind == "timeseries":
+        cure = f"t = {first}.Time; data = {first}.Data; save('imu.mat', 't', 'data', '-v7'); then read imu.mat"
+    else:
+        cure = "put what is in it into matrices, and save('imu.mat', 'gyro', 'accel', 't', '-v7'); then read imu.mat"
+    return f"{name} holds {listed}, which only MATLAB opens. There: load('{name}'); {cure}."
 
 
 def _elements(content: bytes | memoryview, order: str) -> Iterator[tuple[int, bytes]]:

@@ -19,7 +19,7 @@ BLOCK_ROWS = 1 << 14
 
 
 @dataclass(frozen=True)
-class Rows:
+class SampleRows:
     """Consecutive samples, SI and body axes; those of the source where they are assumed."""
 
     first: int  # number of the first one in the recording
@@ -55,7 +55,7 @@ class RecordingStream:
         #: Axes of the rows where nobody said so: they stay in those of the source, and are written as assumed.
         self.axes_assumed = self._first.axes if self._first.axes_origin == "assumed" else None
 
-    def rows(self) -> Iterator[Rows]:
+    def rows(self) -> Iterator[SampleRows]:
         """The samples, once."""
         chunk: Recording | None = self._first
         while chunk is not None:
@@ -65,7 +65,7 @@ class RecordingStream:
                 if self.axes_assumed is not None:
                     mat_fb = mat_bf(self.axes_assumed).T
                     gyro, accel = in_axes(gyro, mat_fb), None if accel is None else in_axes(accel, mat_fb)
-                yield Rows(self._samples + start, gyro, accel)
+                yield SampleRows(self._samples + start, gyro, accel)
             self._gaps += [Gap(gap.start + self._samples / self.rate_hz, gap.samples) for gap in chunk.gaps]
             self._dropped += chunk.rows_dropped
             self._samples += len(chunk.gyro_b)

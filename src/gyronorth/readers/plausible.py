@@ -197,7 +197,7 @@ def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -
     else:
         message += (
             f"Declare them: --axes with one of these, or --axes {declared.axes} if the sensor is really mounted that "
-            "way round. (If the file holds gravity instead of specific force, leave its f columns out.)"
+            "way round. (If the file holds gravity instead of specific force, as phones of Apple do: --accel-scale -1.)"
         )
     return (Note("axes_suspect", message, value=down, limit=SUSPECT_DOWN_SHARE, blocking=not declared.axes_declared),)
 

@@ -60,7 +60,7 @@ def read(
     Parameters
     ----------
     path : str or Path
-        A file in any known format: .csv, .imu (PSINS), .txt (MT Manager), .mat, .npz.
+        A file in any format that `gyronorth info` reads, recognised by its content, or by its suffix.
     options : ReadOptions, optional
         What the file does not say about itself.
     progress : callable, optional
@@ -94,6 +94,7 @@ def read_chunks(
     *,
     chunk_samples: int = CHUNK_SAMPLES,
     progress: Progress | None = None,
+    keep_gaps: bool = False,
     **declared: Any,
 ) -> tuple[RecordingInfo, Iterator[Recording]]:
     """Read a long recording in chunks; concatenated they are what `read` returns.
@@ -104,6 +105,8 @@ def read_chunks(
         As for `read`.
     chunk_samples : int
         Samples per chunk; the last one may be shorter.
+    keep_gaps : bool
+        Bridge gaps of up to a day, and any number of them: whoever takes the chunks judges them by their `gaps`.
 
     Returns
     -------
@@ -119,7 +122,10 @@ def read_chunks(
         shares of missing and of dropped rows at the end. Units and axes are judged from
         the first chunk alone.
     """
-    return chunks_of(Reading(path, options_of(options, declared), progress), chunk_samples)
+    reading = Reading(path, options_of(options, declared), progress)
+    if keep_gaps:
+        reading.grid.keep_gaps()
+    return chunks_of(reading, chunk_samples)
 
 
 def chunks_of(reading: Reading, chunk_samples: int) -> tuple[RecordingInfo, Iterator[Recording]]:
@@ -173,10 +179,10 @@ class Reading(GridStream):
                         f"{self.source.name} ends in the middle of a line, which is left out: the recorder was killed."
                     )
                     self.length_notes = (Note("cut_off", message),)
-                yield self.grid.push(block)
+                yield from self.grid.pushed(block)
                 if self.grid.done:
                     break
-            yield self.grid.flush()
+            yield from self.grid.flushed()
         except OSError as error:
             raise InputError(f"{self.source.name} cannot be read: {error}.") from None
         self._check_length()

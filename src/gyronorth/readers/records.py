@@ -26,7 +26,7 @@ LOOKED_AT, FEWEST, LONGEST = 20, 3, 4096
 #: Objects whose names make the titles, and the largest share of lines with other names than the first one.
 COMPARED, MOST_OTHERS = 200, 0.1
 _NUMBER = rb"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"  # a digit can be taken in one way only
-_LABEL = rb"(?<![\w.])\"?([A-Za-z_][\w.]*(?:\[\w*\])?)\"?[ \t]*[:=][ \t]*"
+_LABEL = rb"(?<![\w.])\"?([A-Za-z_][\w.]*(?:\[\w*\])?(?:[ \t]?\([\w/^.*-]{1,12}\))?)\"?[ \t]*[:=][ \t]*"
 _BETWEEN = rb"[ \t,;|]+"
 _LABELLED = re.compile(
     rb"[ \t{]*(?:%b%b(?:%b%b)*[ \t,;|}]*)+" % (_LABEL.replace(b"([A", b"(?:[A"), _NUMBER, _BETWEEN, _NUMBER)

@@ -15,9 +15,10 @@ from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.archive import MAGIC as ZIP
-from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, split_path, unzipped
+from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, members_of, split_path, unzipped
 from gyronorth.readers.bag_folder import METADATA, is_bag_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
+from gyronorth.readers.foreign import foreign
 from gyronorth.readers.format import LOOK, Format
 from gyronorth.readers.joining import joined
 from gyronorth.readers.library import pickled
@@ -133,7 +134,8 @@ def _near(path: Path) -> str:
         return ""
 
 
-def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
+def _opened(path: Path, options: ReadOptions, depth: int = 0, packed: int | None = None) -> Source:
+    """A recording; `packed` are the bytes of the file that it was unpacked from, which bound the time it may take."""
     if depth > DEEPEST:
         raise InputError(f"{path.name} is packed within packed files; unpack it first.")
     if is_stream(path):
@@ -154,16 +156,20 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0) -> Source:
     if path.is_file():
         head = _head(path)
         if (suffix := packed_as(head)) is not None:
-            return _held(unpacked(path, suffix), path.name, options, depth)
+            return _held(unpacked(path, suffix), path.name, options, depth, packed or path.stat().st_size)
         if head.startswith(ZIP) and _is_archive(path, options):
-            return _unzipped(path, None, options, depth)
-        _refuse_pickles(path, head)
+            return _unzipped(path, None, options, depth, packed)
+        _refuse_unread(path, head, options)
         if (rewritten := _rewriter(path, options)) is not None:
-            return _held(rewritten(path), path.name, options, depth)
-    return _by_format(path, options)
+            return _held(rewritten(path), path.name, options, depth, packed)
+    return _by_format(path, options, packed)
 
 
-def _refuse_pickles(path: Path, head: bytes) -> None:
+def _refuse_unread(path: Path, head: bytes, options: ReadOptions) -> None:
+    """Refuse pickles, and formats of which it is known that they are not read."""
+    undeclared = options.format is None and FORMATS.suffixes.get(path.suffix.lower(), "csv") == "csv"
+    if undeclared and (says := foreign(head, path.name)):
+        raise InputError(says)
     if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
         raise InputError(pickled(path.name))
 
@@ -194,7 +200,7 @@ def _of_two(path: Path, options: ReadOptions) -> Source:
     return joined(gyro, accel, drop_bad_rows=options.drop_bad_rows)
 
 
-def _by_format(path: Path, options: ReadOptions) -> Source:
+def _by_format(path: Path, options: ReadOptions, packed: int | None = None) -> Source:
     by_suffix = FORMATS.suffixes.get(path.suffix.lower())
     declared = options.format or ("frames" if options.protocol is not None else None)
     name = "rosbag2" if path.is_dir() else declared or by_suffix or recognised(path)
@@ -209,10 +215,14 @@ def _by_format(path: Path, options: ReadOptions) -> Source:
         raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
     if options.columns and not info.takes_columns:
         raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
-    return _read(FORMATS[name], path, options)
+    if name == "csv" and not options.columns and _head(path, 3).startswith((b"$VN", b"#AP")):
+        from gyronorth.readers.formats.frames import refuse_others
+
+        refuse_others(path)
+    return _read(FORMATS[name], path, options, packed)
 
 
-def _read(chosen: Format, path: Path, options: ReadOptions) -> Source:
+def _read(chosen: Format, path: Path, options: ReadOptions, packed: int | None) -> Source:
     """A recording within its budget, decoded in a process of its own where foreign code does it."""
     size = size_of(path) if path.exists() else 0
     if not chosen.foreign:
@@ -220,12 +230,13 @@ def _read(chosen: Format, path: Path, options: ReadOptions) -> Source:
     with suppress(ImportError):  # the reader says what is missing
         for module in chosen.foreign:  # once, not in each child
             import_module(module)
-    return counted(open_apart(lambda: chosen.open(path, options), name=path.name, size=size), size)
+    source = open_apart(lambda: chosen.open(path, options), name=path.name, size=size, packed=packed)
+    return counted(source, size)
 
 
-def _held(spooled: Spooled, name: str, options: ReadOptions, depth: int) -> Source:
+def _held(spooled: Spooled, name: str, options: ReadOptions, depth: int, packed: int | None = None) -> Source:
     """The recording in a file that was made to be read once."""
-    source = _opened(spooled.path, options, depth + 1)
+    source = _opened(spooled.path, options, depth + 1, packed)
     return replace(source, name=name, held=(spooled, source.held))
 
 
@@ -236,20 +247,38 @@ def _is_archive(path: Path, options: ReadOptions) -> bool:
     return not (is_npz(path) or is_workbook(path))
 
 
-def _unzipped(path: Path, member: str | None, options: ReadOptions, depth: int) -> Source:
+def recordings_inside(path: Path, *, others: bool = True) -> list[Path]:
+    """A file itself, or each recording of a zip archive of several, as ARCHIVE.zip/FILE.
+
+    An archive that cannot be read is one: reading it says so. Without `others` only files with the suffix of a
+    recording count, and an archive of none is left out.
+    """
+    try:
+        if not path.is_file() or not _head(path).startswith(ZIP) or not _is_archive(path, ReadOptions()):
+            return [path]
+        members = members_of(path, FORMATS.suffixes, others=others)
+    except (InputError, OSError):
+        return [path]
+    if len(members) > 1:
+        return [path / member for member in members]
+    return [path] if members or others else []
+
+
+def _unzipped(path: Path, member: str | None, options: ReadOptions, depth: int, packed: int | None = None) -> Source:
     spooled, accel = unzipped(path, member)
     if accel is not None:
         source = _of_two(spooled.path, replace(options, accel_file=accel))
         return replace(source, name=path.name, held=(spooled, source.held))
-    return _held(spooled, path.name if member is None else f"{path.name}/{member}", options, depth)
+    name = path.name if member is None else f"{path.name}/{member}"
+    return _held(spooled, name, options, depth, packed or path.stat().st_size)
 
 
 def recordings_in(folder: str | Path) -> list[Path]:
     """The recordings in a folder and the folders below it, by name.
 
-    Everything with a known suffix counts, packed or not, each .txt that is an export of MT Manager, and each
-    folder that is a bag of ROS 2, as one; hidden files and folders do not. A link whose file is gone and a folder that
-    may not be looked into are among them: reading them says so.
+    Everything with a known suffix counts, packed or not, each such file of a zip archive, each .txt that is an export
+    of MT Manager, and each folder that is a bag of ROS 2, as one; hidden files and folders do not. A link whose file is
+    gone and a folder that may not be looked into are among them: reading them says so.
 
     Raises
     ------
@@ -271,6 +300,8 @@ def recordings_in(folder: str | Path) -> list[Path]:
             known = inner_suffix(path) in FORMATS.suffixes and (path.is_file() or not path.exists())
             if known or (path.suffix.lower() == ".txt" and path.is_file() and _head(path).startswith(b"//")):
                 found.append(path)
+            elif path.suffix.lower() == ".zip":
+                found += recordings_inside(path, others=False)
     if not found:
         state = "holds no recordings" if any(folder.iterdir()) else "is empty and holds no recordings"
         raise InputError(

@@ -27,6 +27,10 @@ _SENTENCE = re.compile(rb"\$([A-Za-z][A-Za-z0-9]*),([^*$\n]*)\*([0-9A-Fa-f]{2})\
 _STAMP = rb"(?:\d{4}-\d\d-\d\d[ T])?\d\d:\d\d:\d\d[.,]\d+"
 _STAMPED = re.compile(rb"(?:\[(%b)\]|(%b)[ \t]*->)[ \t]*(\S.*)" % (_STAMP, _STAMP))
 _FORTRAN = re.compile(rb"(?<=[0-9.])[dD](?=[-+]\d{1,3}(?!\d))")
+#: Numbers with a mark between thousands, which shows as such beside a decimal one: "-1,000.5"; 1.000,5 behind ; or tab.
+_GROUPED = re.compile(rb'"[-+]?\d{1,3}(?:,\d{3})+(?:\.\d+)?"')
+_GROUPED_POINT = re.compile(rb'"[-+]?\d{1,3}(?:,\d{3})+\.\d+"')
+_GROUPED_COMMA = re.compile(rb"(?<=[;\t])[-+]?\d{1,3}(?:\.\d{3})+,\d+(?=[;\t\r\n])")
 _FMT = re.compile(rb"(?m)^FMT,\s*\d+,\s*\d+,\s*(\w+),\s*\w+,\s*([^\n]*\bGyrX\b[^\n]*?)\s*$")
 #: What stands behind the titles of an ArduPilot.
 _ARDUPILOT = {b"TimeUS": b"TimeUS (us)", b"TimeMS": b"TimeMS (ms)"}
@@ -53,6 +57,11 @@ def rewriting_of(lines: Sequence[bytes], head: bytes) -> Rewriting | None:
         return None if recognise(head) is not None else partial(_of_sentences, kind=kind)
     if sum(_STAMPED.fullmatch(line) is not None for line in lines) >= MOST * len(lines):
         return _of_stamped
+    if _GROUPED_POINT.search(head) or _GROUPED_COMMA.search(head):
+        grouped = _GROUPED_POINT if _GROUPED_POINT.search(head) else _GROUPED_COMMA
+        every = _GROUPED if grouped is _GROUPED_POINT else grouped
+        mark = b"," if grouped is _GROUPED_POINT else b"."
+        return lambda pieces: (every.sub(lambda match: match[0].replace(mark, b""), piece) for piece in pieces)
     if sum(_FORTRAN.search(line) is not None for line in lines[1:] or lines) >= MOST * len(lines[1:] or lines):
         return lambda pieces: (_FORTRAN.sub(b"E", piece) for piece in pieces)
     return None

@@ -26,6 +26,8 @@ class Facts:
     rate_hz: float | None = None  # Hz
     gyro_unit: str | None = None  # of `options.GYRO_UNITS`
     accel_unit: str | None = None  # of `options.ACCEL_UNITS`
+    gyro_scale: float | None = None  # units in one number of the file
+    accel_scale: float | None = None
     axes: str | None = None  # as in `axes.mat_bf`
     axes_assumed: str | None = None  # the same, where nobody had said so before the file was written
     increments: bool | str = False  # values are per sample, not per second; "gyro" or "accel": of that sensor alone

@@ -6,16 +6,18 @@ Published in the guide "Files and declarations"; a test reads every line of that
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from math import inf
 
 #: Unit -> its spellings, in lower case, without blanks, dots and brackets, "°" as deg, "^" left out.
 GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
     "rad/s": ("rad/s", "rad/sec", "rads", "radps", "rad_s", "rads-1", "rads^-1", "radian/s", "radians/s", "radpersec",
-              "radian/sec", "radians/sec", "rad/second", "radians/second", "rad_per_s", "radians_per_second"),
+              "radian/sec", "radians/sec", "rad/second", "radians/second", "rad_per_s", "radians_per_second", "рад/с"),
     "deg/s": ("deg/s", "deg/sec", "degs", "degps", "dps", "deg_s", "degs-1", "degree/s", "degrees/s", "degree/sec",
-              "degrees/sec", "deg/second", "degrees/second", "deg_per_s", "degrees_per_second", "degpersec", "dps_"),
+              "degrees/sec", "deg/second", "degrees/second", "deg_per_s", "degrees_per_second", "degpersec", "dps_",
+              "deg/с", "град/с"),
     "deg/h": ("deg/h", "deg/hr", "deg/hour", "degh", "degph", "dph", "deg_h", "degh-1", "degree/h", "degrees/h",
-              "degrees/hour", "deg_hr"),
+              "degrees/hour", "deg_hr", "deg/ч", "deg/час", "град/ч", "град/час"),
     "mdeg/s": ("mdeg/s", "mdps", "millideg/s", "mdeg/sec", "mdegs", "mdeg_s"),
     "mrad/s": ("mrad/s", "mrad/sec", "mrads", "mradps", "mrad_s"),
     "arcsec/s": ("arcsec/s", "as/s", "asec/s", "arcsec/sec", "arcsecond/s", "arcseconds/s", '"/s', "''/s", "arcsec_s"),
@@ -25,7 +27,8 @@ GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 ACCEL_SPELLINGS: dict[str, tuple[str, ...]] = {
     "m/s2": ("m/s2", "m/s^2", "m/s/s", "m/s**2", "ms2", "mps2", "ms-2", "m_s2", "m_s_2", "mss", "m/ss", "m/sec2",
-             "m/sec^2", "mpss", "m/s²", "meters/second^2", "m/second2", "mps_2", "m_s^2", "meterpersec2", "ms^-2"),
+             "m/sec^2", "mpss", "m/s²", "meters/second^2", "m/second2", "mps_2", "m_s^2", "meterpersec2", "ms^-2",
+             "м/с2"),
     "g": ("g", "gn", "g0", "gs", "gee", "standard_gravity"),
     "mg": ("mg", "millig", "milli-g", "mgee"),
     "ug": ("ug", "microg", "micro-g"),
@@ -61,6 +64,12 @@ LONGEST = 80
 _SCALED = re.compile(
     r"\s*[x*×]?\s*(?:10\^?(-\d+)|(\d+(?:\.\d*)?(?:e[+-]?\d+)?))\s*[x*×·]?\s*([^\d\s^.,].*)", re.IGNORECASE
 )
+#: Characters of a line that may say what a count is.
+LONGEST_STATEMENT = 200
+_COUNT = r"(?:LSBs?|counts?|digits?|bits?)"
+_STATED = r"(\d{1,9}(?:\.\d{1,12})?(?:e[+-]?\d{1,2})?)\s*"
+_PER_UNIT = re.compile(rf"{_STATED}{_COUNT}\s*(?:/|per)\s*(\([^()\s]{{1,12}}\)|[^()\s,;]{{1,12}})", re.IGNORECASE)
+_PER_COUNT = re.compile(rf"{_STATED}(\([^()\s]{{1,12}}\)|[^()\s,;]{{1,12}}?)\s*(?:/|per)\s*{_COUNT}\b", re.IGNORECASE)
 _PLAIN = str.maketrans(
     {"°": "deg", "º": "deg", "˚": "deg", "µ": "u", "μ": "u", "²": "2", "⁻": "-", "¹": "1", "−": "-", "·": "",
      "⋅": "", "*": "", "(": "", ")": "", "[": "", "]": "", "{": "", "}": "", "\ufffd": "deg"}
@@ -101,6 +110,27 @@ def scaled(text: str) -> tuple[float, str]:
         return 1.0, text
     scale = float(f"1e{match[1]}" if match[1] else match[2])
     return (scale, match[3]) if 0 < scale < inf else (1.0, text)
+
+
+def counts_in(lines: Iterable[str]) -> dict[str, tuple[str, float, str]]:
+    """What lines say of counts: gyro or accel -> unit, units in one count, and the words that say so.
+
+    Examples
+    --------
+    >>> counts_in(["# gyro: 125 LSB/(deg/s), accel: 16384 LSB/g", "# temperature: 340 LSB/degC"])
+    {'gyro': ('deg/s', 0.008, '125 LSB/(deg/s)'), 'accel': ('g', 6.103515625e-05, '16384 LSB/g')}
+    >>> counts_in(["gyro 8.75 mdps/digit"])
+    {'gyro': ('mdeg/s', 8.75, '8.75 mdps/digit')}
+    """
+    found: dict[str, tuple[str, float, str]] = {}
+    for line in lines:
+        for pattern, power in ((_PER_UNIT, -1), (_PER_COUNT, 1)):
+            for match in pattern.finditer(line[:LONGEST_STATEMENT]):
+                number = float(match[1])
+                for sensor, table in (("gyro", GYRO_SPELLINGS), ("accel", ACCEL_SPELLINGS)):
+                    if number > 0 and (unit := spelled(match[2], table)):
+                        found.setdefault(sensor, (unit, number**power, match[0].strip()))
+    return found
 
 
 def is_unit(text: str) -> bool:

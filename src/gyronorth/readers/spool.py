@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from gyronorth.errors import InputError
+from gyronorth.files import temporary_files_told
 from gyronorth.readers.library import errors_translated, library
 
 #: Most bytes of one file, and how many times larger than the packed one it may be from `FREE` bytes on. Recordings
@@ -41,7 +42,8 @@ class Spooled:
     def __init__(self, name: str) -> None:
         import tempfile
 
-        folder = tempfile.mkdtemp(prefix="gyronorth-")
+        with temporary_files_told():
+            folder = tempfile.mkdtemp(prefix="gyronorth-")
         self.folder = Path(folder)
         self.path = self.folder / (Path(name).name or "stream")
         self._discard = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
@@ -62,7 +64,9 @@ class Spooled:
 
     def _fill(self, read: Callable[[int], bytes], most: int, too_large: str, path: Path) -> None:
         total = 0
-        with path.open("wb") as file:
+        with temporary_files_told():
+            file = path.open("wb", buffering=0)
+        with file:
             while piece := read(_PIECE):
                 total += len(piece)
                 if total > most:
@@ -72,7 +76,9 @@ class Spooled:
                         f"{path.name} does not fit on the disk: {total >> 20} MiB of it filled {self.folder.parent}. "
                         "Free some space there, or set TMPDIR to a folder on another disk."
                     )
-                file.write(piece)
+                with temporary_files_told():
+                    while piece:
+                        piece = piece[file.write(piece) :]
 
 
 def packed_as(head: bytes) -> str | None:

@@ -20,71 +20,15 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
 from gyronorth.readers.text_arrow import arrow_columns, is_worthwhile, load_for
+from gyronorth.readers.text_head import LONGEST_LINE
 from gyronorth.readers.times import ClockColumns
 
 #: Bytes read at a time: about 15,000 rows of six values.
 BLOCK_BYTES = 1 << 21
 #: Bytes of a look at one place of a file, and places at which lines are counted.
 PLACE_BYTES, COUNTED = 1 << 18, 32
-#: A longer line is no row of numbers.
-LONGEST_LINE = 1 << 16
 #: A number with a decimal comma between quotation marks.
 QUOTED_COMMA = re.compile(rb'"([^",\n]*),([^",\n]*)"')
-
-
-class TextHead:
-    """The leading lines of a text file, as a context manager that remembers where it stopped."""
-
-    def __init__(self, path: Path) -> None:
-        self.name = path.name
-        self.row = 0  # lines taken so far
-        self.offset = 0  # bytes taken so far
-        self._path = path
-
-    def __enter__(self) -> TextHead:
-        self._file = self._path.open("rb")
-        start = self._file.read(4)
-        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            self._file.close()
-            raise InputError(f"{self.name} is UTF-16 text; save it as UTF-8.")
-        self.offset = 3 if start[:3] == b"\xef\xbb\xbf" else 0
-        self._file.seek(self.offset)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
-
-    def peek(self) -> str | None:
-        """The next line without its end; None at the end of the file."""
-        self._file.seek(self.offset)
-        line = self._file.readline(LONGEST_LINE + 1)
-        if len(line) > LONGEST_LINE:
-            raise InputError(
-                f"Row {self.row + 1} of {self.name} is longer than {LONGEST_LINE} characters. "
-                "Lines that end in LF or CRLF are expected: is it another format?"
-            )
-        self._next = len(line)
-        if not line:
-            return None
-        if b"\x00" in line:
-            raise InputError(
-                f"Row {self.row + 1} of {self.name} holds zero bytes: the file is damaged or not a text file."
-            )
-        try:
-            return line.decode().rstrip("\r\n")
-        except UnicodeDecodeError as error:
-            raise InputError(
-                f"Row {self.row + 1} of {self.name} holds the byte 0x{line[error.start]:02x}, which is not UTF-8. "
-                "Save the file as UTF-8, or take the special characters out."
-            ) from None
-
-    def take(self) -> str | None:
-        """Like `peek`, and go past the line."""
-        line = self.peek()
-        if line is not None:
-            self.offset += self._next
-            self.row += 1
-        return line
 
 
 @dataclass(frozen=True)
@@ -149,14 +93,19 @@ def text_blocks(path: Path, offset: int, row: int, layout: Layout) -> Iterator[B
             if end and layout.mark is not None:
                 whole = data.rfind(b"\n") + 1
                 cut_off, data = len(data) > whole, data[:whole]
-            if end:
-                data = data.rstrip()  # blank lines at the end are no rows
+            data = _without_end(data) if end else data
             if data or cut_off:
                 block = parse_block(data, row + 1, layout)
                 yield replace(block, share=min(1.0, file.tell() / size), cut_off=cut_off)
                 row += data.count(b"\n")
             if end:
                 return
+
+
+def _without_end(data: bytes) -> bytes:
+    """Without blank lines at the end; blanks behind the last row stay: they may be empty fields."""
+    end = data.find(b"\n", len(data.rstrip()))
+    return data if end < 0 else data[:end]
 
 
 def _behind_last_line(data: bytes, layout: Layout) -> int:
@@ -196,7 +145,7 @@ def _place(path: Path, offset: int, row: int, layout: Layout, per_row: float, sh
         data = file.read(min(PLACE_BYTES, max(0, size - start)))
     begin = data.find(layout.newline) + 1 if start > offset else 0
     end = len(data) if start + len(data) >= size else data.rfind(layout.newline) + 1
-    data = layout.plain(data[begin:end]).rstrip()
+    data = _without_end(layout.plain(data[begin:end]))
     first = row + 1 + round((start + begin - offset) / per_row)
     return parse_block(data, first, layout) if data else Block(np.zeros((0, layout.columns)), np.arange(0), Bad.none())
 

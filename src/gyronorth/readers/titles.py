@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gyronorth.readers.spellings import (
     ACCEL_SPELLINGS,
@@ -35,7 +35,7 @@ ANGLE_WORDS = (
 )  # fmt: skip
 ACCEL_WORDS = (
     ("accel",), ("acc",), ("accelerometer",), ("acceleration",), ("accelero",), ("specific", "force"), ("specforce",),
-    ("sf",), ("fb",), ("fib",), ("fibb",), ("force",), ("accelerations",), ("linear", "acceleration"),
+    ("sf",), ("acce",), ("fb",), ("fib",), ("fibb",), ("force",), ("accelerations",), ("linear", "acceleration"),
     ("linearacceleration",), ("specificforce",), ("accl",), ("accs",), ("proper", "acceleration"),
 )  # fmt: skip
 VELOCITY_WORDS = (
@@ -49,14 +49,14 @@ GYRO_LETTERS, ACCEL_LETTERS = ("w", "g", "om"), ("a", "f")
 OTHER_WORDS = frozenset(
     """
     cov covariance bias biases std sigma var variance valid status flag temp temperature mag magnetometer
-    magnetic quat quaternion orientation euler roll pitch yaw attitude gravity user free lin offset drift scale
+    magnetic quat quaternion orientation euler roll pitch yaw attitude gravity user free offset drift scale
     random walk error saturation clip clipping norm total magnitude abs range id baro pressure fog dcm max min
     filt filtered position pos lat lon heading correction corrected
     """.split()  # noqa: SIM905
 )
 TIME_WORDS = frozenset(
     """
-    tv gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
+    tv tout datenum gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
@@ -86,6 +86,11 @@ LONGEST = 200
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]")
 _GLUED = re.compile(r"(.*[a-z])([xyz])")
+_GLUED_BEFORE = re.compile(r"([xyz])([a-z]{3,})")
+#: Letters of other scripts that look like an axis, where they stand alone.
+_LOOKALIKES = (("[Хх]", "X"), ("[Уу]", "Y"))
+#: The time of a file of LabVIEW (.lvm), in s.
+_LVM_TIME = "x_value"
 _STEMS = frozenset(word for group in (*GYRO_WORDS, *ACCEL_WORDS, *ANGLE_WORDS, *VELOCITY_WORDS) for word in group)
 
 
@@ -99,6 +104,7 @@ class Title:
     unit: str | None = None
     increments: bool = False  # angle or velocity a sample
     scale: float = 1.0  # of its unit in one number
+    worded: bool = False  # the axis is one of the body, by its name: roll, lateral, up
 
 
 @dataclass(frozen=True)
@@ -111,6 +117,8 @@ class Triple:
     unit: str | None
     increments: bool | None  # None: not known
     scale: float = 1.0  # of its unit in one number
+    words: tuple[str, ...] = ()  # of their titles, without axis and unit
+    worded: bool = False  # x, y, z are forward, right and down by the names of the columns
 
 
 def last_part(title: str, mark: str) -> str:
@@ -129,6 +137,8 @@ def take_apart(title: str, unit: str = "") -> Title:
     ('accel', 'us')
     """
     title = title[:LONGEST]
+    if title.strip().lower() == _LVM_TIME:
+        return Title("time", ("time",), unit="s")
     name, candidates = title, [unit] if unit else []
     for match in _BRACKETS.finditer(title):
         if not match[1].strip().isdigit() and match[1].strip().lower() not in _AXES:
@@ -139,8 +149,18 @@ def take_apart(title: str, unit: str = "") -> Title:
         parts = (head, mark, behind) if mark else _behind_slash(title)
         if parts[1]:
             name, candidates = parts[0], [parts[2]]
-    axis, words = _axis([word.lower() for word in _WORD.findall(re.sub("[ωΩ]", "w", name))])
-    return _title(words, axis, candidates)
+    for letter, latin in _LOOKALIKES:
+        name = re.sub(rf"\b{letter}\b", latin, name)
+    words = [word.lower() for word in _WORD.findall(re.sub("[ωΩ]", "w", name))]
+    axis, rest = _axis(words)
+    return replace(_title(rest, axis, candidates), worded=axis is not None and _is_worded(words))
+
+
+def _is_worded(words: Sequence[str]) -> bool:
+    """Whether a title names its axis by a word for a direction of the body."""
+    return "".join(words) in _BODY_RATES or not any(
+        word in _AXES or word.isdigit() or _GLUED.fullmatch(word) or _GLUED_BEFORE.fullmatch(word) for word in words
+    )
 
 
 def _behind_slash(title: str) -> tuple[str, str, str]:
@@ -214,12 +234,17 @@ def _axis(words: list[str]) -> tuple[int | None, list[str]]:
         match = _GLUED.fullmatch(words[i])
         if match and (match[1] in _STEMS or (i == 0 and match[1] in (*GYRO_LETTERS, *ACCEL_LETTERS, "d"))):
             return _AXES[match[2]], [*words[:i], match[1], *words[i + 1 :]]
+    before = _GLUED_BEFORE.fullmatch(words[0]) if words else None
+    if before and before[2] in _STEMS:  # xgyro_out
+        return _AXES[before[1]], [before[2], *words[1:]]
     at = [i for i, word in enumerate(words) if word in _DIRECTIONS]
     if len(at) == 1 and _STEMS & set(words):
         return _DIRECTIONS[words[at[0]]], words[: at[0]] + words[at[0] + 1 :]
     digits = [i for i, word in enumerate(words) if word in ("0", "1", "2", "3")]
     if digits and digits[-1] == len(words) - 1:
         return int(words[-1]), words[:-1]  # put right by `triples`, which knows whether they count from 0 or 1
+    if len(digits) == 1 and _STEMS & set(words):  # XV1 rotation rate
+        return int(words[digits[0]]), words[: digits[0]] + words[digits[0] + 1 :]
     return None, words
 
 
@@ -273,7 +298,7 @@ def triples(titles: Sequence[str], parts: Sequence[Title]) -> list[Triple]:
         if part.kind in ("gyro", "accel") and part.axis is not None:
             families.setdefault((part.kind, part.words, part.increments), {}).setdefault(part.axis, []).append(position)
     found = []
-    for (kind, _, increments), family in families.items():
+    for (kind, words, increments), family in families.items():
         axes = sorted(family)
         if axes not in ([0, 1, 2], [1, 2, 3]):
             continue
@@ -281,9 +306,9 @@ def triples(titles: Sequence[str], parts: Sequence[Title]) -> list[Triple]:
             units = {parts[position].unit for position in (x, y, z)}
             unit = units.pop() if len(units) == 1 else None
             scale = parts[x].scale if len({parts[position].scale for position in (x, y, z)}) == 1 else float("nan")
-            found.append(
-                Triple(kind, (x, y, z), label(titles[x], titles[z]), unit, True if increments else None, scale)
-            )
+            worded = all(parts[position].worded for position in (x, y, z))
+            text = label(titles[x], titles[z])
+            found.append(Triple(kind, (x, y, z), text, unit, True if increments else None, scale, words, worded))
     return found
 
 
@@ -310,6 +335,8 @@ def label(first: str, last: str) -> str:
         same += 1
     while 0 < same < len(last) and first[same - 1].isdigit() and last[same].isdigit():  # 17..19, not 17..9
         same -= 1
+    if same < len(first) and not first[same].isdigit() and first[same + 1 :] != last[same + 1 :]:
+        return f"{first}..{last}"  # RollRate..YawRate
     end = same + 1
     while end < len(first) and first[end].isdigit():
         end += 1

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
-class Rows:
+class WaitingRows:
     """Rows in order of time whose places on the grid are not settled, and the bad ones among them."""
 
     data: NDArray[np.float64]  # (m, 3) or (m, 6) SI
@@ -19,16 +19,16 @@ class Rows:
     reasons: tuple[tuple[int, str], ...]
 
     @classmethod
-    def none(cls, width: int) -> Rows:
+    def none(cls, width: int) -> WaitingRows:
         """No row."""
         nothing = np.zeros(0, dtype=np.int64)
         return cls(np.zeros((0, width)), nothing, np.zeros(0), nothing, ())
 
-    def followed_by(self, other: Rows) -> Rows:
+    def followed_by(self, other: WaitingRows) -> WaitingRows:
         """Both, `other` last."""
         if len(self.numbers) == len(self.bad) == 0:
             return other
-        return Rows(
+        return WaitingRows(
             np.concatenate([self.data, other.data]),
             np.concatenate([self.numbers, other.numbers]),
             np.concatenate([self.stamps, other.stamps]),
@@ -36,21 +36,21 @@ class Rows:
             self.reasons + other.reasons,
         )
 
-    def split(self, count: int, *, last: bool) -> tuple[Rows, Rows]:
+    def split(self, count: int, *, last: bool) -> tuple[WaitingRows, WaitingRows]:
         """The first `count` rows, with the bad ones before the next row (with `last` all bad ones), and the rest."""
         if last:
-            return self, Rows.none(self.data.shape[1])
+            return self, WaitingRows.none(self.data.shape[1])
         limit = int(self.numbers[count])
         early = self.bad < limit
         return (
-            Rows(
+            WaitingRows(
                 self.data[:count],
                 self.numbers[:count],
                 self.stamps[:count],
                 self.bad[early],
                 tuple(reason for reason in self.reasons if reason[0] < limit),
             ),
-            Rows(
+            WaitingRows(
                 self.data[count:],
                 self.numbers[count:],
                 self.stamps[count:],

@@ -54,7 +54,7 @@ def print_checks(estimate: HeadingEstimate, stream: TextIO) -> None:
                 textwrap.fill(finding.message, WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8) + "\n"
             )
     if not estimate.checks and not estimate.reasons:
-        stream.write("\nThe method judges its result itself: no gate applies.\n")
+        stream.write("\nThe method checks its own result: no gate applies.\n")
 
 
 def _in_words(value: float, check: Check) -> str:

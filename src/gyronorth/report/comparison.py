@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gyronorth.catalogue import METHODS
 from gyronorth.errors import InputError
 from gyronorth.pipeline import heading
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from gyronorth.sensor import Sensor
 
 #: Methods that take milliseconds and need nothing but the recording.
-QUICK = ("mean", "inertial")
+QUICK = tuple(info.name for info in METHODS if info.batched)
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def opinions(
     found = [estimate]
     if len(estimate.poses) == 1:
         for method in QUICK:
-            if method != estimate.method and (method != "inertial" or recording.accel_b is not None):
+            if method != estimate.method:
                 try:
                     found.append(
                         heading(recording, latitude=estimate.latitude, sensor=sensor, method=method, attitude=attitude)

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from gyronorth.angles import DEG_PER_HOUR, wrap
+from gyronorth.catalogue import METHODS
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.files import written_beside
 from gyronorth.report.wording import duration_text, heading_text, number_text, part_name, printable
@@ -134,7 +135,7 @@ def allan_figure(deviation: AllanDeviation) -> Figure:
 
 
 #: Methods whose own course the figure shows; of another the plain averaging, and its result at the end.
-DRAWN_ITSELF = ("mean", "inertial", "turned")
+DRAWN_ITSELF = tuple(info.name for info in METHODS if info.along_time == info.name)
 
 
 def draw_convergence(
@@ -173,6 +174,10 @@ def draw_convergence(
             clip_on=False, zorder=4, label=f"{estimate.method}, {'valid' if estimate.valid else 'refused'}",
         )  # fmt: skip
         levels += [np.degrees(final) - reach[0], np.degrees(final) + reach[1]]
+    elif len(time) == 1:  # a curve of one point is not seen
+        axes.errorbar(
+            time, heading, yerr=half_deg, color=BLUE if valid[0] else FAINT, marker="o", capsize=3, clip_on=False
+        )
     if heading_true is not None:
         truth = float(np.degrees(final + wrap(heading_true - final)))
         axes.axhline(
@@ -308,7 +313,7 @@ def logarithmic(axes: Axes) -> None:
     """Logarithmic scales with plain numbers at them, 0.1 rather than a power."""
     axes.set(xscale="log", yscale="log")
     axes.grid(which="minor", alpha=0.35)
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5), numticks=12))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
@@ -319,7 +324,10 @@ def legend_above(axes: Axes, *, columns: int) -> None:
     if not axes.get_legend_handles_labels()[0]:
         return
     rows = -(-len(axes.get_legend_handles_labels()[0]) // columns)
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=columns, borderaxespad=0.2, handlelength=2.2)
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=columns, borderaxespad=0.2, handlelength=2.2,
+        columnspacing=1.2,
+    )  # fmt: skip
     axes.set_title(axes.get_title(loc="left"), pad=8 + 14.5 * rows)
 
 

@@ -10,7 +10,7 @@ from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.report.terminal import print_table
 from gyronorth.report.wording import printable
-from gyronorth.sensor.law import TERMS
+from gyronorth.sensor.terms import TERMS
 
 if TYPE_CHECKING:
     from gyronorth.allan import Characterisation
@@ -81,8 +81,8 @@ def print_characterisation(found: Characterisation, stream: TextIO) -> None:
 
 
 def _rows(what: str) -> list[tuple[str, str, str]]:
-    """Key, name and unit of each term of a triad: what averages least first, quantisation last."""
-    terms = (*(term for term in TERMS if term.field != "quantisation"), TERMS[0])
+    """Key, name and unit of each term of a triad: what a heading hardly sees last."""
+    terms = sorted(TERMS, key=lambda term: term.bounded_integral)
     units = (term.gyro if what == "gyro" else term.accel for term in terms)
     return [(unit.key, unit.words, unit.unit) for unit in units]
 

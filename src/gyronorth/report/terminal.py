@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Sequence
 from typing import Any, TextIO
 
 from gyronorth.report.tables import Outcome
-from gyronorth.report.wording import heading_lines, heading_text, number_text, printable
+from gyronorth.report.wording import heading_lines, heading_text, number_text, one_line, printable
 
 #: Style of the terminal for the labels of `heading_lines` that stand out.
 STYLES = {"reason": "red", "warning": "yellow", "heading": "bold", "verdict": "bold"}
@@ -65,7 +65,7 @@ def print_table(
 
     On a terminal the columns at the positions `unwrapped` (all but the last by default) keep to one line.
     """
-    rows = [[printable(cell).replace("\n", "\\n") for cell in row] for row in rows]
+    rows = [[one_line(cell) for cell in row] for row in rows]
     if stream.isatty():
         from rich.box import SIMPLE_HEAD
         from rich.console import Console

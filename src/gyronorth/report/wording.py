@@ -20,6 +20,11 @@ def printable(text: str) -> str:
     return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
+def one_line(text: str) -> str:
+    """A name from outside, for a terminal, in one line whatever is in it."""
+    return printable(text).replace("\n", "\\n")
+
+
 def heading_text(heading_deg: float, *, decimals: int = 2, width: int = 0, full_turn: bool = False) -> str:
     """A heading in [0, 360) as text: 359.999 is 0.00, never 360.00.
 
@@ -136,7 +141,7 @@ def heading_lines(outcome: Outcome) -> list[tuple[str, str]]:
         span = f"{pose['start_s']:g} to {pose['end_s']:g} s"
         lines.append(("pose", f"{span}: {heading_text(pose['heading_deg'])} deg"))
     end = "" if doc["end_time_utc"] is None else f", ends {doc['end_time_utc']}"
-    lines.append(("recording", f"{outcome.file}, {doc['duration_s']:g} s at {doc['rate_hz']:g} Hz{end}"))
+    lines.append(("recording", f"{one_line(outcome.file)}, {doc['duration_s']:g} s at {doc['rate_hz']:g} Hz{end}"))
     lines += [("read as", outcome.read_as)] if outcome.read_as else []
     lines.append(("sensor", doc["sensor"] or "no profile given"))
     return lines

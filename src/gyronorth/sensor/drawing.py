@@ -15,14 +15,13 @@ The random walk is treated alike, with h such that the bridge it leaves out, K^2
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import cast
 
 import numpy as np
 
 from gyronorth.arrays import Array
-from gyronorth.sensor.model import TriadErrors, flicker_components
+from gyronorth.sensor.terms import ProcessLaw, TriadErrors
 
 #: A process is interpolated between knots no further apart than its time constant over this.
 KNOTS_PER_TIME_CONSTANT = 50
@@ -58,20 +57,6 @@ def sensor_errors(errors: TriadErrors, shape: tuple[int, int], rate_hz: float, *
     """
     constant = errors.turn_on_bias * rng.standard_normal((shape[0], 3))
     return draw(ProcessLaw.of(errors), shape, rate_hz, constant=constant, rng=rng)
-
-
-@dataclass(frozen=True)
-class ProcessLaw:
-    """The random processes of one axis, in the unit u of its triad."""
-
-    white: float  # N, u sqrt(s)
-    processes: tuple[tuple[float, float], ...]  # variance, u^2, and time constant, s, of each Gauss-Markov process
-    random_walk: float = 0.0  # K, u / sqrt(s)
-
-    @classmethod
-    def of(cls, errors: TriadErrors) -> ProcessLaw:
-        """White noise, in-run bias and random walk of a triad."""
-        return cls(errors.white, tuple(zip(*flicker_components(errors), strict=True)), errors.random_walk)
 
 
 def draw(

@@ -1,4 +1,4 @@
-"""The JSON schema of sensor profiles: what a file may hold, and in which words what is wrong with one is told.
+"""The JSON schema of sensor profiles: what a file may hold, and the messages about what is wrong with one.
 
 Only files of users are checked against it: those of the package are by the tests, and a heading need not load pydantic.
 """
@@ -6,12 +6,14 @@ Only files of users are checked against it: those of the package are by the test
 from __future__ import annotations
 
 import difflib
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from gyronorth.errors import InputError
 from gyronorth.sensor.profiles import SCHEMA
+from gyronorth.sensor.terms import FLICKER, TERMS, WHITE, Term, TermUnit
 
 _NonNegative = Annotated[float, Field(ge=0, le=1e9)]
 _Positive = Annotated[float, Field(gt=0, le=1e9)]
@@ -29,38 +31,36 @@ class _Triad(_Strict):
     misalignment_mrad: _NonNegative = 0.0  # each axis towards each other axis
 
 
-class GyroProfile(_Triad):
+def _with_terms(unit_of: Callable[[Term], TermUnit]) -> type[_Triad]:
+    """A triad with one figure for each stochastic term."""
+    figures: dict[str, Any] = {unit_of(term).key: (_NonNegative, 0.0) for term in TERMS}
+    return create_model("_Terms", __base__=_Triad, **figures)
+
+
+class GyroProfile(_with_terms(lambda term: term.gyro)):
     """The gyro part of a profile."""
 
-    angle_random_walk_deg_sqrt_h: _NonNegative = 0.0
-    bias_instability_deg_h: _NonNegative = 0.0
-    rate_random_walk_deg_h_sqrt_h: _NonNegative = 0.0
     turn_on_bias_deg_h: _NonNegative = 0.0  # 1 sigma from power-up to power-up
     g_sensitivity_deg_h_g: _NonNegative = 0.0  # each axis of the gyro for each axis of specific force
-    quantisation_arcsec: _NonNegative = 0.0  # step of the integrated output
     range_deg_s: _Positive | None = None
 
     @model_validator(mode="after")
     def _definition_is_given(self) -> GyroProfile:
-        _require_definition(self.bias_instability_deg_h, self.bias_instability_definition)
+        _require_definition(_figure(self, FLICKER.gyro), self.bias_instability_definition)
         return self
 
 
-class AccelProfile(_Triad):
+class AccelProfile(_with_terms(lambda term: term.accel)):
     """The accelerometer part of a profile; velocity random walk in one of its two usual units."""
 
-    velocity_random_walk_m_s_sqrt_h: _NonNegative = 0.0
     velocity_random_walk_ug_sqrt_hz: _NonNegative = 0.0
-    bias_instability_mg: _NonNegative = 0.0
-    acceleration_random_walk_mg_sqrt_h: _NonNegative = 0.0
     turn_on_bias_mg: _NonNegative = 0.0
-    quantisation_m_s: _NonNegative = 0.0
     range_g: _Positive | None = None
 
     @model_validator(mode="after")
     def _is_unambiguous(self) -> AccelProfile:
-        _require_definition(self.bias_instability_mg, self.bias_instability_definition)
-        if self.velocity_random_walk_m_s_sqrt_h and self.velocity_random_walk_ug_sqrt_hz:
+        _require_definition(_figure(self, FLICKER.accel), self.bias_instability_definition)
+        if _figure(self, WHITE.accel) and self.velocity_random_walk_ug_sqrt_hz:
             raise ValueError("velocity random walk is given twice; give it in m/s/sqrt(h) or in ug/sqrt(Hz)")
         return self
 
@@ -101,6 +101,10 @@ def check(content: dict[str, Any], *, where: str) -> None:
         Profile.model_validate(content)
     except ValidationError as error:
         raise InputError(_explain(error, where)) from error
+
+
+def _figure(triad: BaseModel, unit: TermUnit) -> float:
+    return float(getattr(triad, unit.key))
 
 
 def _require_definition(bias_instability: float, definition: str | None) -> None:

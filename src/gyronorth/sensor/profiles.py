@@ -17,7 +17,7 @@ from typing import Any, cast
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
-from gyronorth.sensor.law import MILLI_G, TERMS
+from gyronorth.sensor.terms import MILLI_G, TERMS
 
 SCHEMA = "gyronorth.sensor/1"
 #: Allan minimum of flicker noise over its coefficient B, sqrt(2 ln 2 / pi): IEEE Std 952-1997, annex C.

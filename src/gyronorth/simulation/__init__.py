@@ -38,7 +38,7 @@ def simulate(
     motion: Motion | None = None,
     accel: bool = True,
 ) -> Recording:
-    """A recording of one power-up, with truth.
+    """A recording of one power-up, with its true heading.
 
     Parameters
     ----------
@@ -200,3 +200,7 @@ def _quantise(signal: Array, step: float, *, rng: np.random.Generator) -> None:
     signal[:, 1:] = np.diff(total, axis=1)
     signal[:, 0] = total[:, 0]
     signal *= step
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

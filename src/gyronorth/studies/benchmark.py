@@ -10,9 +10,11 @@ from gyronorth.errors import InputError, did_you_mean
 from gyronorth.studies.disturbed import DISTURBED
 from gyronorth.studies.disturbed_long import LONG
 from gyronorth.studies.paper_augmentation import AUGMENTATION
+from gyronorth.studies.paper_best import BEST
 from gyronorth.studies.paper_cost import COST
 from gyronorth.studies.paper_curves import DURATION, SCALE, SWEEP
 from gyronorth.studies.paper_flow import FLOW
+from gyronorth.studies.paper_prior_fitted import PRIOR_FITTED
 from gyronorth.studies.paper_protocol import PROTOCOL, PROTOCOL_DENOISED, PROTOCOL_LEAK
 from gyronorth.studies.paper_table_2 import TABLE_2
 from gyronorth.studies.paper_variants import SPREAD, VARIANTS
@@ -42,6 +44,8 @@ STUDIES: tuple[Study, ...] = (
     SPREAD,
     COST,
     *VARIANTS,
+    BEST,
+    PRIOR_FITTED,
     FLOW,
     TURNED,
     DISTURBED,

@@ -20,7 +20,7 @@ from gyronorth.studies.disturbed_paper import TRAINED, WINDOW, judge_unit, train
 from gyronorth.studies.floors import floor_deg
 from gyronorth.studies.methods import as_rad
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, degrees
+from gyronorth.studies.tables import StudyReport, Table, degrees
 from gyronorth.studies.work import Job, Result
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def _floor(_plan: StudyPlan, table: Table) -> str:
     return ""
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rng = np.random.default_rng(plan.seed)
     tables, curve = [], {}
     for kind, duration, bias_deg_h, _, _ in CASES:
@@ -166,7 +166,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     tables.append(Table("Cost of a recording of 100 s", ("method", "CPU ms", "of bayes"), costs, COST))
     digest = reference_set(seed=SEED + plan.seed).sha256
     curves = {"seconds": sorted(curve), "crmse_deg": [curve[d] for d in sorted(curve)]}
-    return Report(TEXT.format(digest=digest), tuple(tables), curves)
+    return StudyReport(TEXT.format(digest=digest), tuple(tables), curves)
 
 
 #: Methods that the others are compared with.

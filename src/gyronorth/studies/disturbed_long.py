@@ -17,7 +17,7 @@ from gyronorth.studies.disturbed_methods import WHITE, MethodHeadings, Part, by_
 from gyronorth.studies.floors import floor_deg
 from gyronorth.studies.methods import as_rad
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, degrees
+from gyronorth.studies.tables import StudyReport, Table, degrees
 from gyronorth.studies.work import Job, Result
 
 KINDS, DURATIONS = ("quiet", "sway", "mixed", "warmup", "soak"), (400.0, 900.0, 3600.0)
@@ -101,9 +101,9 @@ def _floor(_plan: StudyPlan, _table: Table) -> str:
     return f"Floor (Cramér-Rao) of undisturbed recordings, white noise and residual bias: {values}."
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rng = np.random.default_rng(plan.seed)
-    return Report(TEXT, tuple(_table(kind, results, rng) for kind in KINDS))
+    return StudyReport(TEXT, tuple(_table(kind, results, rng) for kind in KINDS))
 
 
 COLUMNS = ("method", "recordings", "CRMSE, deg", "ratio to the mean", "inside the 95 % interval")

@@ -15,6 +15,7 @@ from gyronorth.alignment.networks.bundle import shipped_bundle
 from gyronorth.alignment.tones.evidence import grid_frequencies
 from gyronorth.alignment.tones.search import TIME_CONSTANT_BINS, bayes
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error, wrap
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.sensor import TriadErrors, read_sensor
 from gyronorth.simulation.disturbance import ReferenceSet, draw_disturbance, reference_set
@@ -102,12 +103,12 @@ def by_mean(part: Part) -> MethodHeadings:
     rate = part.gyro.mean(axis=1)
     variance = part.white**2 * part.made.rate_hz / part.gyro.shape[1] + part.bias**2
     _, half = von_mises(np.hypot(rate[:, 0], rate[:, 1]) * EARTH_RATE * np.cos(part.made.latitude) / variance)
-    return MethodHeadings(_heading(rate), -half, half)
+    return MethodHeadings(heading_of_rate(rate), -half, half)
 
 
 def by_median(part: Part) -> MethodHeadings:
     """Median of each axis."""
-    return MethodHeadings(_heading(np.median(part.gyro, axis=1)))
+    return MethodHeadings(heading_of_rate(np.median(part.gyro, axis=1)))
 
 
 def by_huber(part: Part) -> MethodHeadings:
@@ -118,7 +119,7 @@ def by_huber(part: Part) -> MethodHeadings:
     for _ in range(HUBER_ROUNDS):
         weight = np.minimum(1.0, HUBER * scale / np.maximum(np.abs(x - at), 1e-300))
         at = np.sum(weight * x, axis=1, keepdims=True) / np.sum(weight, axis=1, keepdims=True)
-    return MethodHeadings(_heading(at[:, 0]))
+    return MethodHeadings(heading_of_rate(at[:, 0]))
 
 
 def by_harmonics(part: Part) -> MethodHeadings:
@@ -132,7 +133,7 @@ def by_harmonics(part: Part) -> MethodHeadings:
     tones = np.stack([np.cos(phase), np.sin(phase)], axis=2)  # (n, f, 2)
     decays = np.exp(-time[:, None] / ((bins[1:] + bins[:-1]) / 2))[:, :, None]
     rate = [_harmonic_constant(x, [decays, tones]) for x in part.gyro]
-    return MethodHeadings(_heading(np.array(rate)))
+    return MethodHeadings(heading_of_rate(np.array(rate)))
 
 
 def _harmonic_constant(x: Array, candidates: list[Array]) -> Array:
@@ -188,7 +189,7 @@ def by_bayes(part: Part) -> MethodHeadings:
 
 
 def by_inertial(part: Part) -> MethodHeadings:
-    """Gravity traced in an inertial frame, with an accelerometer that no other method here has."""
+    """Gravity followed in an inertial frame, with an accelerometer that no other method here has."""
     return MethodHeadings(
         align_inertial(part.gyro, part.accel(), rate_hz=part.made.rate_hz, latitude=part.made.latitude).heading
     )
@@ -239,10 +240,6 @@ def _bundle(method: str) -> LoadedBundle:
     from gyronorth.alignment.networks.runtime import load_bundle
 
     return load_bundle(shipped_bundle(method))
-
-
-def _heading(rate: Array) -> Array:
-    return np.arctan2(-rate[:, 1], rate[:, 0])
 
 
 #: Row of the table -> how its headings are found.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from math import cos, radians
 
 import numpy as np
@@ -17,6 +18,8 @@ from gyronorth.studies.source import recordings_of
 from gyronorth.uncertainty import cramer_rao_floor
 
 Array = NDArray[np.float64]
+#: Heading of the closed form, rad, and surplus to its expected error and the standard deviation of that, rad.
+Predictor = Callable[[Array, Array], tuple[Array, Array]]
 
 MODEL_BASED = "model-based"
 CLASSICAL = "deviation curve, A + B sin + C cos + D sin 2 + E cos 2"
@@ -56,16 +59,27 @@ def floor(recordings: Twin, duration: float) -> float:
 def judge_split(
     *, train: list[int], validation: list[int], test: list[int], seed: int, data: dict | None = None
 ) -> dict:
-    """Errors and sigmas, deg, of every method on the test recordings, whole and in 100 s windows.
+    """Errors and sigmas, deg, of every method on the test recordings: see `judged`."""
 
-    Learnt from the whole known recordings; a window's sigma includes the noise that the whole
-    recording does not have.
-    """
+    def fitted(heading: Array, surplus: Array, truth: Array) -> dict[str, Predictor]:
+        models = {name: fit_deviation(heading, surplus, truth, prior=PRIORS[key]) for name, key in DEVIATIONS.items()}
+        corrections: dict[str, Predictor] = {CLASSICAL: lambda at, _: fit_classical(heading, truth, at=at)}
+        return corrections | {name: model.predict for name, model in models.items()}
+
     split = Split(np.array(train, int), np.array(test, int), np.array(validation, int))
-    twin, known = recordings_of(seed, data), split.known
+    return judged(recordings_of(seed, data), split, fitted)
+
+
+def judged(twin: Twin, split: Split, fitted: Callable[[Array, Array, Array], Mapping[str, Predictor]]) -> dict:
+    """Errors and sigmas, deg, of the closed form and of corrections to it on the tests, whole and in 100 s windows.
+
+    `fitted` learns the corrections, by name, from heading, surplus and true heading of the whole known recordings,
+    rad; a window's sigma includes the noise that the whole recording does not have.
+    """
+    known = split.known
     heading, truth = model_based(twin.gyro_l)[known], twin.heading_true[known]
     surplus = rate_surplus(twin.gyro_l.mean(axis=1), LATITUDE)[known]
-    models = {name: fit_deviation(heading, surplus, truth, prior=PRIORS[key]) for name, key in DEVIATIONS.items()}
+    corrections = fitted(heading, surplus, truth)
     spread = float(np.sqrt(np.mean(angle_error(heading, truth) ** 2)))
 
     def judge(duration: float) -> dict:
@@ -73,8 +87,7 @@ def judge_split(
         tested = np.isin(recording, split.test)
         at, at_surplus = model_based(gyro_l[tested]), rate_surplus(gyro_l[tested].mean(axis=1), LATITUDE)
         expected = {MODEL_BASED: (np.zeros(len(at)), np.full(len(at), spread))}
-        expected[CLASSICAL] = fit_classical(heading, truth, at=at)
-        expected |= {name: model.predict(at, at_surplus) for name, model in models.items()}
+        expected |= {name: correction(at, at_surplus) for name, correction in corrections.items()}
         error = angle_error(at, true[tested])
         extra = north(twin.arw) ** 2 * (1 / duration - 1 / twin.duration)
         return {

@@ -21,7 +21,7 @@ from gyronorth.studies.methods import WINDOW, rounded
 from gyronorth.studies.network_tables import PRINTED_RATIOS, Pooled, shares_of_splits
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 Array = NDArray[np.float64]
@@ -80,12 +80,14 @@ def learnt_on(recordings_error: tuple[Array, Array, Array, Array], split: Split,
     return perfect_learner(known, error, first[split.test], first_error[split.test], span=span)
 
 
-def first_two_windows(seed: int, data: dict | None = None) -> tuple[Array, Array, Array, Array]:
+def first_two_windows(
+    seed: int, data: dict | None = None, *, duration: float = WINDOW
+) -> tuple[Array, Array, Array, Array]:
     """Heading and error of the closed form in the first and in the second window of each recording, rad.
 
     Recordings too short for two windows give an empty second one.
     """
-    gyro_l, truth, recording = recordings_of(seed, data).windows(WINDOW)
+    gyro_l, truth, recording = recordings_of(seed, data).windows(duration)
     heading = model_based(gyro_l)
     error = angle_error(heading, truth)
     first, windows = np.unique(recording, return_index=True, return_counts=True)[1:]
@@ -117,9 +119,11 @@ def _key(span: int, *, leak: bool) -> str:
     return f"leak_{span}" if leak else f"span_{span}"
 
 
-def limit_of_splits(plan: StudyPlan, splits: list[Split], *, leak: bool = False) -> tuple[Pooled, str]:
+def limit_of_splits(
+    plan: StudyPlan, splits: list[Split], *, leak: bool = False, duration: float = WINDOW
+) -> tuple[Pooled, str]:
     """The perfect learner on the splits of a network table, and the share of its tests outside the span."""
-    windows = first_two_windows(**plan.source())
+    windows = first_two_windows(**plan.source(), duration=duration)
     ordered = [Split(np.sort(s.train), np.sort(s.test), np.sort(s.validation)) for s in splits]
     found = [learnt_on(windows, split, span=np.radians(PAPER_SPAN), leak=leak) for split in ordered]
     one = Pooled(
@@ -167,7 +171,7 @@ def _rows(results: list[Result], plan: StudyPlan, *, leak: bool) -> list[tuple]:
     return rows
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     mine = [results[unit.name] for unit in _units(plan)]
     count = len(mine) * plan.splits
     columns = (
@@ -196,7 +200,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         rows.append((f"{span}", float(np.degrees(cyclic_rmse(error))), ratio))
     columns = ("span, deg", "CRMSE, deg", "ratio to model-based")
     tables.append(Table("Leaving one recording out, all others known", columns, tuple(rows)))
-    return Report(HOW, tuple(tables))
+    return StudyReport(HOW, tuple(tables))
 
 
 def _percent(share: float | np.floating) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from gyronorth.studies.networks import WITHOUT_DENOISER, merged, split_data, split_json, splits_of
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 _LAYOUTS = ("flattened", "temporal")
@@ -57,7 +57,7 @@ def _by_layout(plan: StudyPlan) -> dict[str, Job]:
     }
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rows = []
     for layout, unit in _by_layout(plan).items():
         r = results[unit.name]
@@ -76,7 +76,9 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         f"augmented training set once, {most['heading_epochs']} epochs of the heading network, of which early "
         "stopping leaves out some."
     )
-    return Report("Measured on the machine that ran this.", (Table("Cost of training", columns, tuple(rows), note),))
+    return StudyReport(
+        "Measured on the machine that ran this.", (Table("Cost of training", columns, tuple(rows), note),)
+    )
 
 
 COST = Study("cost", "Cost of training", "paper", lambda plan: list(_by_layout(plan).values()), _report)

@@ -14,7 +14,7 @@ from gyronorth.studies.floors import floor_deg
 from gyronorth.studies.methods import as_rad
 from gyronorth.studies.networks import pack, unpack
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, degrees
+from gyronorth.studies.tables import StudyReport, Table, degrees
 from gyronorth.studies.work import Job, Result
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def _jobs(plan: StudyPlan) -> dict[tuple[str, float], Job]:
     return jobs
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rows, rng = [], np.random.default_rng(plan.seed)
     for (kind, bias), job in _jobs(plan).items():
         found = results[job.name]
@@ -118,7 +118,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         "inside the 95 % interval",
     )
     note = "100 s at 3 Hz and 32.11 N, angle random walk 0.02 deg/sqrt(h), level, gyro alone; seed of the test set."
-    return Report(TEXT, (Table("A flow over the bias beside `learned`", columns, tuple(rows), note),))
+    return StudyReport(TEXT, (Table("A flow over the bias beside `learned`", columns, tuple(rows), note),))
 
 
 def _floor(_plan: StudyPlan, _table: Table) -> str:

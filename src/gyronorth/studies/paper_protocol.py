@@ -31,7 +31,7 @@ from gyronorth.studies.networks import (
 from gyronorth.studies.paper_augmentation import HOW, LIMIT, limit_of_splits
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def _row(one: Pooled, plan: StudyPlan) -> tuple:
     return (one.ratio(plan.seed), *shares_of_splits(one), one.lost(), one.kept())
 
 
-def _report(networks: Mapping[str, Variant], leak: bool, plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(networks: Mapping[str, Variant], leak: bool, plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     splits, rows = _splits(plan), []
     for label, jobs in _by_row(networks, plan, leak=leak).items():
         mine = [results[job.name] for job in jobs]
@@ -181,7 +181,7 @@ def _report(networks: Mapping[str, Variant], leak: bool, plan: StudyPlan, result
         "checkpoint on test recordings."
     )
     text = f"{known if leak else chosen} {HOW}"
-    return Report(text, (Table("Choice of the epoch", columns, tuple(rows), note),))
+    return StudyReport(text, (Table("Choice of the epoch", columns, tuple(rows), note),))
 
 
 def protocol_study(name: str, title: str, networks: Mapping[str, Variant], *, leak: bool = False) -> Study:

@@ -23,7 +23,7 @@ from gyronorth.studies.networks import (
 from gyronorth.studies.paper_augmentation import HOW, LIMIT, limit_of_splits
 from gyronorth.studies.published_splits import split_units
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, verdict
+from gyronorth.studies.tables import StudyReport, Table, verdict
 from gyronorth.studies.work import Job, Result
 
 WITH_COS_SIN = "the paper, (cos, sin) output"
@@ -54,7 +54,7 @@ def _units(plan: StudyPlan) -> list[Job]:
     return [*others, *(unit for units in network_units(plan).values() for unit in units)]
 
 
-def _without_network(results: list[Result], method: str) -> Pooled:
+def without_network(results: list[Result], method: str) -> Pooled:
     """The first window of each test recording: the same tests as the networks'."""
     parts = [result["windows"] for result in results]
     return Pooled(
@@ -64,13 +64,13 @@ def _without_network(results: list[Result], method: str) -> Pooled:
     )
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     others = [results[unit.name] for unit in split_units(plan)[: plan.network_splits]]
     trained = {k: [results[unit.name] for unit in units] for k, units in network_units(plan).items()}
-    found = {MODEL_BASED: _without_network(others, MODEL_BASED)}
+    found = {MODEL_BASED: without_network(others, MODEL_BASED)}
     found |= {label: pooled(mine, "test") for label, mine in trained.items()}
     found["denoiser + closed form"] = pooled(trained[THE_PAPER], "test", "denoised_mean_deg")
-    found |= {method: _without_network(others, method) for method in METHODS[1:]}
+    found |= {method: without_network(others, method) for method in METHODS[1:]}
     found[LIMIT] = limit_of_splits(plan, splits_of(plan, plan.network_splits))[0]
     rows = []
     for label, one in found.items():
@@ -108,7 +108,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         "need no validation, from all 28. "
         f"{LOST} {HOW}"
     )
-    return Report(text, tuple(tables), {"circle": _circle(trained)})
+    return StudyReport(text, tuple(tables), {"circle": _circle(trained)})
 
 
 def _circle(trained: dict[str, list[Result]]) -> dict[str, list]:

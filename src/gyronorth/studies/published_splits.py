@@ -21,7 +21,7 @@ from gyronorth.studies.floors import at_durations
 from gyronorth.studies.methods import METHODS, MODEL_BASED, WINDOW, as_rad, floor, judge_split
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, degrees
+from gyronorth.studies.tables import StudyReport, Table, degrees
 from gyronorth.studies.work import Job, Result
 
 #: Headings next to each other that are left out.
@@ -104,19 +104,19 @@ def table_of(title: str, results: list[Result], length: str, plan: StudyPlan) ->
     return Table(title, columns, tuple(rows), note)
 
 
-def _report(name: str, label: str) -> Callable[[StudyPlan, Mapping[str, Result]], Report]:
-    def report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(name: str, label: str) -> Callable[[StudyPlan, Mapping[str, Result]], StudyReport]:
+    def report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
         mine = [results[key] for key in sorted(results) if key.startswith(f"{name}/")]
         tables = (
             table_of(f"{label}, whole recordings", mine, "whole", plan),
             table_of(f"{label}, windows of {WINDOW:g} s", mine, "windows", plan),
         )
-        return Report(_within(plan), tables)
+        return StudyReport(_within(plan), tables)
 
     return report
 
 
-def _arc_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _arc_report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     tables = []
     for arc in ARCS:
         mine = [results[key] for key in sorted(results) if key.startswith(f"arcs{arc}/")]
@@ -125,10 +125,10 @@ def _arc_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     count = len(plan.recordings().heading_true)
     text = f"{_within(plan)} Each of the {count} possible arcs is left out once: every recording is tested at every "
     text += "place in it."
-    return Report(text, tuple(tables))
+    return StudyReport(text, tuple(tables))
 
 
-def _split_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _split_report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     report = _report("splits", f"{plan.splits} random 24/4/6 splits")(plan, results)
     mine = [results[key]["whole"]["error_deg"] for key in sorted(results) if key.startswith("splits/")]
     rows = []
@@ -142,7 +142,7 @@ def _split_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         tuple(rows),
         "One split of 6 recordings proves nothing.",
     )
-    return Report(report.text, (*report.tables, table))
+    return StudyReport(report.text, (*report.tables, table))
 
 
 def _noise_units(plan: StudyPlan) -> list[Job]:
@@ -161,7 +161,7 @@ def noise_curve(*, durations: list[float], seed: int, data: dict | None = None) 
     return {"duration": durations, "crmse_deg": np.round(np.degrees(curve), 6).tolist()}
 
 
-def _noise_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _noise_report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     if plan.data is not None:
         return _noise_of_own(plan, results["noise/curve"])
     fit = fit_noise()
@@ -186,10 +186,10 @@ def _noise_report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         "held at the printed one."
     )
     on_paper = {"duration": fit.duration.tolist(), "crmse_deg": np.degrees(fit.printed).tolist()}
-    return Report(text, (printed, twin), {"printed": on_paper, "twin": curve})
+    return StudyReport(text, (printed, twin), {"printed": on_paper, "twin": curve})
 
 
-def _noise_of_own(plan: StudyPlan, curve: Result) -> Report:
+def _noise_of_own(plan: StudyPlan, curve: Result) -> StudyReport:
     """The same of a user's recordings: nothing printed stands beside them."""
     recordings = plan.recordings()
     arw = float(np.degrees(recordings.arw) * 60)
@@ -201,7 +201,7 @@ def _noise_of_own(plan: StudyPlan, curve: Result) -> Report:
         f"{count} recordings of {recordings.duration:g} s. Angle random walk from first differences: {arw:.4f} "
         "deg/sqrt(h).",
     )
-    return Report("", (table,), {"recordings": curve}, title="The noise of the recordings")
+    return StudyReport("", (table,), {"recordings": curve}, title="The noise of the recordings")
 
 
 NOISE = Study(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import angle_error, wrap_heading
+from gyronorth.attitude import heading_of_rate
 from gyronorth.deviation import fit_deviation, rate_surplus
 from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import bootstrap_ratio, coverage
@@ -17,7 +18,7 @@ from gyronorth.published import DURATION, LATITUDE, SESSION, fit_noise, model_ba
 from gyronorth.studies.methods import as_rad, bias_deviation, deg_per_hour
 from gyronorth.studies.source import recordings_of
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 #: Simulated sets of each kind, and recordings tested of each.
@@ -56,7 +57,7 @@ def _simulated(real: _Figures, count: int, rng: np.random.Generator) -> tuple[ND
     rate = EARTH_RATE * cos(LATITUDE) * np.stack([np.cos(heading), -np.sin(heading)], axis=1)
     spread = np.hypot(real.bias, real.arw / np.sqrt(real.duration))
     rate = rate + spread * rng.standard_normal(rate.shape)
-    return wrap_heading(np.arctan2(-rate[:, 1], rate[:, 0])), rate_surplus(rate, LATITUDE), heading
+    return wrap_heading(heading_of_rate(rate)), rate_surplus(rate, LATITUDE), heading
 
 
 def no_structure(*, known: int, tested: int, seed: int, data: dict | None = None) -> dict:
@@ -111,7 +112,7 @@ def _row(label: str, parts: list[Result], seed: int) -> tuple:
     return label, ratio, coverage(error, sigma, group, rng=np.random.default_rng(seed), draws=1000)
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rows = [
         _row(
             f"random biases, learnt from {known} recordings",
@@ -132,7 +133,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         "taken for one of it by mistake, it is made worse, and no single recording can tell."
     )
     columns = ("case", "CRMSE, ratio to the closed form", "95 % interval holds")
-    return Report(text, (Table("Harm", columns, tuple(rows)),))
+    return StudyReport(text, (Table("Harm", columns, tuple(rows)),))
 
 
 TRANSFER = Study("harm", "No harm where nothing can be learnt", "published", _units, _report)

@@ -24,7 +24,7 @@ from gyronorth.pipeline import heading
 from gyronorth.readers import ReadOptions, read
 from gyronorth.recording import Recording
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 #: Where the recordings are, unless `--data` says so.
@@ -270,7 +270,7 @@ def row_of(name: str, label: str, runs: list[Result]) -> tuple[Any, ...]:
     )
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     folder, rows = folder_of(plan), []
     for name, case in CASES.items():
         runs: dict[str, list[Result]] = {}
@@ -279,7 +279,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
                 runs.setdefault(f"{method}, {sensor or 'no profile'}", []).append(results[job.name])
         rows += [row_of(name, label, found) for label, found in runs.items()]
     whose = tuple((one.files, one.what, one.truth, one.source) for one in ORIGINS)
-    return Report(
+    return StudyReport(
         TEXT,
         (
             Table("Real recordings", COLUMNS, tuple(rows), NOTE),

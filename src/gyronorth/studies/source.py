@@ -57,7 +57,7 @@ def about(data: str | None) -> str:
 
 
 def passed_over_text(names: list[str]) -> str:
-    """What is told of files that are no recordings."""
+    """The message about files that are no recordings."""
     return f"Passed over, being no recordings x_<degrees>.csv: {', '.join(names)}."
 
 

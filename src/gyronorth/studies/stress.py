@@ -27,7 +27,7 @@ from gyronorth.sensor.law import NoiseLaw
 from gyronorth.simulation import Motion, simulate_batch
 from gyronorth.simulation.disturbance import Draw
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
 #: Recordings of a cell and of a unit, their rate, Hz, and latitude, rad.
@@ -236,7 +236,7 @@ def _row(cell: Cell, method: str, parts: list[Result]) -> tuple:
     )
 
 
-def _report(_plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(_plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rows = []
     for number, cell in enumerate(cells()):
         for method in METHODS:
@@ -247,7 +247,7 @@ def _report(_plan: StudyPlan, results: Mapping[str, Result]) -> Report:
     told = {row[0] for row in rows if row[1] == "auto"}
     left = [cell.name for cell in cells() if cell.name not in told]
     missing = f" Not run here: {'; '.join(left)}." if left else ""
-    return Report(TEXT + missing, (Table("Beyond the profile", COLUMNS, tuple(rows)),))
+    return StudyReport(TEXT + missing, (Table("Beyond the profile", COLUMNS, tuple(rows)),))
 
 
 COLUMNS = (

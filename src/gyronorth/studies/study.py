@@ -14,7 +14,7 @@ from gyronorth.evaluation import Split, random_splits
 from gyronorth.files import write_text
 from gyronorth.published import Twin
 from gyronorth.studies.source import about, described, recordings_of
-from gyronorth.studies.tables import Report, Table
+from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result, commit, data_sha256, write_json
 
 SCHEMA = "gyronorth.study/1"
@@ -66,7 +66,7 @@ class StudyPlan:
         return " ".join(text for text in (about(self.data), SELECTIONS[self.selection], self.cut_short()) if text)
 
     def cut_short(self) -> str:
-        """What is told where the trainings end before their settings let them; empty where they do not."""
+        """The note where the trainings end before their settings let them; empty where they do not."""
         if self.epochs is None or self.epochs >= FULL_EPOCHS:
             return ""
         what = "are **not trained**: their figures only show that the command runs"
@@ -109,7 +109,7 @@ class Study:
     title: str
     benchmark: str  # the command that it belongs to: paper, published, turned, disturbed, stress or real
     units: Callable[[StudyPlan], list[Job]]
-    report: Callable[[StudyPlan, Mapping[str, Result]], Report]  # of the results by unit name
+    report: Callable[[StudyPlan, Mapping[str, Result]], StudyReport]  # of the results by unit name
     floor: Callable[[StudyPlan, Table], str] = lambda _plan, _table: ""  # a line below a table of heading errors
     described: Callable[[StudyPlan], Any] | None = None  # what it was run on, where that does not ship
     simulates: bool = False  # recordings of its own, in a benchmark whose other studies are about the plan's
@@ -138,7 +138,9 @@ class Study:
         return table.to_markdown() + "".join(f"\n{line}\n" for line in lines if line)
 
 
-def write_study(study: Study, plan: StudyPlan, results: Mapping[str, Result], folder: Path, *, command: str) -> Report:
+def write_study(
+    study: Study, plan: StudyPlan, results: Mapping[str, Result], folder: Path, *, command: str
+) -> StudyReport:
     """Write `<name>.json` and `<name>.md` and give what they hold."""
     report = study.report(plan, results)
     title, text = report.title or study.title, f"{plan.about()} {report.text}" if study.on_recordings else report.text

@@ -32,7 +32,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Report:
+class StudyReport:
     """What a study found."""
 
     text: str  # what was done, in plain words

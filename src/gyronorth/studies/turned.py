@@ -16,7 +16,7 @@ from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.simulation import Motion, simulate_batch
 from gyronorth.studies.methods import as_rad, rounded
 from gyronorth.studies.study import Study, StudyPlan
-from gyronorth.studies.tables import Report, Table, degrees
+from gyronorth.studies.tables import StudyReport, Table, degrees
 from gyronorth.studies.work import Job, Result
 
 #: Time of standing still, shared by the poses, and of each turn, s; sample rate, Hz.
@@ -26,7 +26,7 @@ RUNS, ROWS = 2000, 500
 
 
 @dataclass(frozen=True)
-class Case:
+class TurnedCase:
     """A plan of turns, a place and a sensor; everything else is white noise and turn-on bias."""
 
     turns_deg: tuple[float, ...]
@@ -61,29 +61,29 @@ class Case:
 _HALF, _QUARTERS = (180.0,), (90.0,) * 3
 #: Row of the table -> what is simulated.
 CASES = {
-    "one pose": Case(()),
-    "2 x 180": Case(_HALF),
-    "4 x 90": Case(_QUARTERS),
-    "one turn of 60 deg": Case((60.0,)),
-    "2 x 180, latitude 0": Case(_HALF, latitude_deg=0.0),
-    "2 x 180, latitude 60": Case(_HALF, latitude_deg=60.0),
-    "2 x 180, latitude -45": Case(_HALF, latitude_deg=-45.0),
-    "2 x 180, tilted by 10 deg": Case(_HALF, roll_deg=10.0),
-    "4 x 90, tilted by 10 deg": Case(_QUARTERS, roll_deg=10.0),
-    "2 x 180, latitude -45, tilted by 10 deg": Case(_HALF, latitude_deg=-45.0, roll_deg=10.0),
-    "2 x 180, flicker 1 deg/h": Case(_HALF, flicker_deg_h=1.0),
-    "4 x 90, flicker 1 deg/h": Case(_QUARTERS, flicker_deg_h=1.0),
-    "10 x 180, flicker 1 deg/h": Case((180.0,) * 9, flicker_deg_h=1.0),
-    "2 x 180, scale factor 3000 ppm": Case(_HALF, scale_ppm=3000.0),
-    "4 x 90, scale factor 3000 ppm": Case(_QUARTERS, scale_ppm=3000.0),
-    "2 x 180, no profile": Case(_HALF, profile=False, runs=500),
-    "2 x 180, flicker 1 deg/h, no profile": Case(_HALF, flicker_deg_h=1.0, profile=False, runs=500),
+    "one pose": TurnedCase(()),
+    "2 x 180": TurnedCase(_HALF),
+    "4 x 90": TurnedCase(_QUARTERS),
+    "one turn of 60 deg": TurnedCase((60.0,)),
+    "2 x 180, latitude 0": TurnedCase(_HALF, latitude_deg=0.0),
+    "2 x 180, latitude 60": TurnedCase(_HALF, latitude_deg=60.0),
+    "2 x 180, latitude -45": TurnedCase(_HALF, latitude_deg=-45.0),
+    "2 x 180, tilted by 10 deg": TurnedCase(_HALF, roll_deg=10.0),
+    "4 x 90, tilted by 10 deg": TurnedCase(_QUARTERS, roll_deg=10.0),
+    "2 x 180, latitude -45, tilted by 10 deg": TurnedCase(_HALF, latitude_deg=-45.0, roll_deg=10.0),
+    "2 x 180, flicker 1 deg/h": TurnedCase(_HALF, flicker_deg_h=1.0),
+    "4 x 90, flicker 1 deg/h": TurnedCase(_QUARTERS, flicker_deg_h=1.0),
+    "10 x 180, flicker 1 deg/h": TurnedCase((180.0,) * 9, flicker_deg_h=1.0),
+    "2 x 180, scale factor 3000 ppm": TurnedCase(_HALF, scale_ppm=3000.0),
+    "4 x 90, scale factor 3000 ppm": TurnedCase(_QUARTERS, scale_ppm=3000.0),
+    "2 x 180, no profile": TurnedCase(_HALF, profile=False, runs=500),
+    "2 x 180, flicker 1 deg/h, no profile": TurnedCase(_HALF, flicker_deg_h=1.0, profile=False, runs=500),
 }
 
 
 def judge(*, case: dict, runs: int, seed: list[int]) -> Result:
     """Errors and sigmas, deg, of `runs` recordings of a case at headings uniform on the circle."""
-    one, rng = Case(**{**case, "turns_deg": tuple(case["turns_deg"])}), np.random.default_rng(seed)
+    one, rng = TurnedCase(**{**case, "turns_deg": tuple(case["turns_deg"])}), np.random.default_rng(seed)
     sensor, turns = one.sensor(), np.radians(one.turns_deg)
     pose = STILL / (len(turns) + 1)
     starts = pose * (np.arange(len(turns)) + 1) + TURN * np.arange(len(turns))
@@ -108,7 +108,7 @@ def judge(*, case: dict, runs: int, seed: list[int]) -> Result:
     return {"error_deg": rounded(off), "sigma_deg": rounded(sigma)}
 
 
-def _units_of(number: int, case: Case, plan: StudyPlan) -> list[Job]:
+def _units_of(number: int, case: TurnedCase, plan: StudyPlan) -> list[Job]:
     arguments = {**asdict(case), "turns_deg": list(case.turns_deg)}
     return [
         Job(
@@ -124,7 +124,7 @@ def _units(plan: StudyPlan) -> list[Job]:
     return [unit for number, case in enumerate(CASES.values()) for unit in _units_of(number, case, plan)]
 
 
-def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
+def _report(plan: StudyPlan, results: Mapping[str, Result]) -> StudyReport:
     rng, rows = np.random.default_rng(plan.seed), []
     for number, (name, case) in enumerate(CASES.items()):
         parts = [results[unit.name] for unit in _units_of(number, case, plan)]
@@ -134,7 +134,7 @@ def _report(plan: StudyPlan, results: Mapping[str, Result]) -> Report:
         inside = wilson(float(np.mean(np.abs(error) <= 1.96 * sigma)), len(error))
         rows.append((name, len(error), degrees(found), float(np.degrees(bound)), ratio, inside))
     columns = ("turns", "recordings", "RMSE, deg", "bound, deg", "ratio to the bound", "inside the 95 % interval")
-    return Report(TEXT, (Table("Heading from poses and turns", columns, tuple(rows)),))
+    return StudyReport(TEXT, (Table("Heading from poses and turns", columns, tuple(rows)),))
 
 
 TEXT = (

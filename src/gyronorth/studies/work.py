@@ -159,8 +159,13 @@ def _stored(unit: Job, folder: Path) -> Result | None:
     path = _path(unit, folder)
     if not path.is_file():
         return None
-    content = json.loads(path.read_text(encoding="utf-8"))
-    return content["result"] if content.get("key") == unit.key() else None
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return content["result"] if content.get("key") == unit.key() else None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from None
+    except (ValueError, AttributeError, LookupError, RecursionError):
+        raise InputError(f"{path} is no result of a unit: it is damaged. Remove it; it is then made again.") from None
 
 
 def _write(unit: Job, result: Result, folder: Path, command: str) -> None:

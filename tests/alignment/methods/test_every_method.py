@@ -11,6 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gyronorth.alignment import registry
+from gyronorth.alignment.judging import GATES
 from gyronorth.alignment.networks.bundle import read_bundle, shipped_bundle
 from gyronorth.angles import angle_error, wrap_heading
 from gyronorth.earth import STANDARD_GRAVITY
@@ -55,7 +56,7 @@ def name(request):
 
 def test_the_catalogue_and_the_classes_agree(name):
     assert registry.METHODS[name].info == info(name)
-    assert set(info(name).gates) <= {"rate", "width", "motion"}
+    assert set(info(name).gates) <= set(GATES)
 
 
 def test_it_answers_what_it_is_made_for(name):
@@ -178,14 +179,24 @@ def test_turning_the_body_turns_the_heading(name, psi):
     assert abs(off) <= within
 
 
-@pytest.mark.parametrize(("runs", "most"), [(6, 2), pytest.param(40, 7, marks=pytest.mark.long)])
+@pytest.mark.parametrize("method", ["bayes", "learned"])
+def test_a_knock_is_motion_to_a_method_that_leaves_out_bumps(method):
+    """Once 40 of 40 were valid, and a third of the intervals missed. Half of the knock is 0.75 deg off the mean."""
+    skip_what_needs_onnxruntime(method)
+    recording = knocked("isa100c", np.radians([0.0, 1.5, 0.0]), np.random.default_rng(1))
+    assert "motion" in {reason.code for reason in heading(recording, sensor="isa100c", method=method).reasons}
+
+
+@pytest.mark.parametrize(("runs", "most"), [(3, 1), pytest.param(40, 7, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "sensor", ["isa100c", *(pytest.param(name, marks=pytest.mark.long) for name in ("hg9900", "sdc500"))]
 )
 def test_a_knocked_unit_is_refused_or_covered(name, sensor, runs, most):
-    """A knock of 1.5 deg about any axis, at any time: of 95 % intervals more miss in 2 of 1000 series, and in 0.7."""
+    """A knock of 1.5 deg about any axis, at any time: more of 95 % intervals miss in 0.7 % of series, and in 0.07 %."""
     if name in ("paper", "baseline") and sensor != SENSOR:
         pytest.skip("the bundle is trained for one sensor")
+    if name == "bayes" and runs < 40:
+        pytest.skip("3 s for each; the test before holds its gate")
     rng = np.random.default_rng(20261128)
     missed = valid = 0
     for _ in range(runs):
@@ -201,11 +212,11 @@ def test_a_knocked_unit_is_refused_or_covered(name, sensor, runs, most):
 
 
 def knocked(sensor, angle_b, rng) -> Recording:
-    """100 s of a level unit that turns by a rotation vector within 1 s, with the heading that it has at the end."""
+    """110 s of a level unit that turns by a rotation vector within 1 s, with the heading that it has at the end."""
     from gyronorth.attitude import mat_bn, rotation
     from gyronorth.earth import earth_rate_n
 
-    samples, when = round(100 * RATE), rng.uniform(0.1, 0.9)
+    samples, when = round(110 * RATE), rng.uniform(0.1, 0.9)
     true = rng.uniform(0, 2 * np.pi)
     before = mat_bn(0.0, 0.0, true)
     after = rotation(-angle_b) @ before
@@ -216,7 +227,7 @@ def knocked(sensor, angle_b, rng) -> Recording:
     inside = (np.arange(samples) >= first) & (np.arange(samples) < first + round(RATE))
     rate[inside] += angle_b * RATE / inside.sum()
     force = mat @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
-    still = simulate(sensor, latitude=LATITUDE, heading=0.0, duration=100, rate_hz=RATE, rng=rng)
+    still = simulate(sensor, latitude=LATITUDE, heading=0.0, duration=110, rate_hz=RATE, rng=rng)
     own_rate = still.gyro_b - earth_rate_n(LATITUDE)
     own_force = still.accel_b - still.accel_b.mean(axis=0)
     heading_end = np.arctan2(after[0, 1], after[0, 0])

@@ -64,7 +64,7 @@ def made(layout, output, samples=40, **sampler):
     scope="module",
     params=[
         pytest.param(("flattened", "degrees"), marks=pytest.mark.long),
-        ("flattened", "cos_sin"),
+        pytest.param(("flattened", "cos_sin"), marks=pytest.mark.slow),
         pytest.param(("temporal", "degrees"), marks=pytest.mark.long),
     ],
     ids="-".join,
@@ -138,6 +138,7 @@ def test_the_last_window_of_a_longer_recording_is_used(exported):
         run(bundle, gyro[:, :39])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sampler",
     [{"kind": "ddim", "t_back": 0, "jumps": 1, "start": "matched"}, {"t_back": 990, "jumps": 2, "noise": False}],

@@ -126,6 +126,7 @@ def test_an_honest_unit_keeps_its_interval(name, widest):
     assert 0.9 < ratio < widest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "moves",
     [lambda draw: draw.wind(np.radians(0.01)), lambda draw: draw.lean(np.radians(0.1) / 100)],
@@ -180,6 +181,7 @@ def test_a_settling_bias_is_found_beside_a_good_accelerometer():
     assert np.median([f.probability["settling"] for f in found]) > 0.8
 
 
+@pytest.mark.slow
 def test_without_a_profile_noise_is_read_at_short_lags():
     sensor, runs = read_sensor("isa100c"), 16
     gyro_b, accel_b, truth = simulated(sensor, runs)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import i0e
 
 from gyronorth.alignment.networks.bundle import shipped_bundle
@@ -142,6 +144,23 @@ def test_a_large_bump_alone_costs_nothing():
     assert 3 <= found.bumps <= 8
     quiet = amortised(made.gyro_b[0], periodogram, **known)
     assert abs(angle_error(found.heading, quiet.heading)) < 0.5 * quiet.sigma
+
+
+@pytest.mark.parametrize("hangs", [1e-3, 2.0, np.inf])
+def test_side_by_side_each_is_what_it_is_alone_to_the_last_bit(bundle, monkeypatch, hangs):
+    """A proposal that hangs by so much is asked for alone: by default few, else many, or all."""
+    made = reference_set("mixed", runs=7, seed=21)
+    alone = [headings(bundle, SimpleNamespace(**vars(made) | {"gyro_b": one[None]})).found[0] for one in made.gyro_b]
+    asked, network = [], bundle.proposal
+    monkeypatch.setattr("gyronorth.alignment.networks.runtime.HANGS", hangs)
+    ask = network.run
+    monkeypatch.setattr(network, "run", lambda inputs: asked.append(len(inputs["rate"])) or ask(inputs))
+    together = headings(bundle, made).found
+    assert asked[0] == 7
+    assert asked.count(1) >= 7 * (hangs == np.inf)
+    for one, other in zip(together, alone, strict=True):
+        for name, value in vars(one).items():
+            assert_array_equal(value, getattr(other, name), err_msg=name)
 
 
 def test_grown():

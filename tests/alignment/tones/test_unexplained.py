@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gyronorth.alignment.tones.search import bayes
-from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR, angle_error
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -22,7 +22,7 @@ def noise(errors, motion, samples, rng):
 
 @pytest.mark.parametrize("time", [0.1, 1.0, 30.0])
 def test_the_spectrum_of_the_motion_is_the_transform_of_its_covariance(time):
-    motion, n = Motion(2e-5, time), 3001
+    motion, n = BoundedMotion(2e-5, time), 3001
     row = motion.covariance(n, RATE_HZ)[n // 2]  # a stationary rate: one row holds every lag
     f = np.array([0.02, 0.3, 1.2])
     lag = np.arange(n) - n // 2
@@ -32,7 +32,7 @@ def test_the_spectrum_of_the_motion_is_the_transform_of_its_covariance(time):
 
 def test_motion_and_noise_are_found_and_none_where_there_is_none():
     rng = np.random.default_rng(1)
-    moves = Motion(np.radians(0.003), 0.5)
+    moves = BoundedMotion(np.radians(0.003), 0.5)
     _, found = unexplained(noise(ERRORS, moves, 300, rng), NONE, rate_hz=RATE_HZ, errors=ERRORS)
     # Beyond 1 / (2 pi time) only angle^2 / time is told.
     assert 0.6 < found.angle / np.sqrt(found.time) / (moves.angle / np.sqrt(moves.time)) < 1.6
@@ -45,7 +45,7 @@ def test_a_shaken_unit_keeps_its_heading():
     # 0.003 deg of shaking is 60 times the noise of a sample, and 0.1 deg/h of the mean over 100 s.
     rng = np.random.default_rng(2)
     rate = EARTH_RATE * np.array([np.cos(LATITUDE) * np.cos(1.0), -np.cos(LATITUDE) * np.sin(1.0), -np.sin(LATITUDE)])
-    gyro_l = rate + noise(ERRORS, Motion(np.radians(0.003), 0.3), 300, rng)
+    gyro_l = rate + noise(ERRORS, BoundedMotion(np.radians(0.003), 0.3), 300, rng)
     fit = bayes(gyro_l, rate_hz=RATE_HZ, latitude=LATITUDE, errors=ERRORS)
     assert fit.noise > 5
     assert abs(angle_error(fit.heading, 1.0)) < 3 * fit.sigma

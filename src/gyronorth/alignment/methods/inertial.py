@@ -15,7 +15,7 @@ from gyronorth.uncertainty import NORMAL_975, STUDENT14_975
 
 
 class Inertial:
-    """Gravity traced in an inertial frame."""
+    """Gravity followed in an inertial frame."""
 
     info = method_info("inertial")
 

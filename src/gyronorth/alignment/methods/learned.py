@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from gyronorth.alignment import correction
 from gyronorth.alignment.error_budget import averaged_over_models
 from gyronorth.alignment.networks.bundle import RecordingFacts, mismatch
-from gyronorth.alignment.networks.runtime import LoadedBundle, bundle_of, mismatched, solve
+from gyronorth.alignment.networks.runtime import LearnedHeadings, LoadedBundle, bundle_of, mismatched, solve
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS, Options
 from gyronorth.alignment.result import Posterior, Result
@@ -29,23 +30,33 @@ class Learned:
 
     def solve(self, problem: Problem, options: Options) -> Result:
         """Heading of a disturbed recording and what disturbs it; or the correction that the bundle carries."""
+        return self.solve_many([problem], options)[0]
+
+    def solve_many(self, problems: Sequence[Problem], options: Options) -> list[Result]:
+        """The same of several recordings of one length, rate and latitude, side by side."""
         bundle = bundle_of("learned", options.bundle)
         if bundle.deviation is not None:
-            return self._corrected(problem, bundle)
-        misfits = mismatch(bundle.info, RecordingFacts(problem.rate_hz, problem.duration, problem.latitude))
+            return [self._corrected(problem, bundle) for problem in problems]
+        first = problems[0]
+        misfits = mismatch(bundle.info, RecordingFacts(first.rate_hz, first.duration, first.latitude))
         if misfits:
-            return mismatched("learned", problem.mean, bundle, misfits)
-        gyro_l = problem.rate_l()
-        errors = None if problem.sensor is None else problem.sensor.gyro
-        solved = solve(bundle, gyro_l[None], rate_hz=problem.rate_hz, latitude=problem.latitude, errors=errors)
-        one = solved.found[0]
-        attitude = replace(problem.mean, heading=solved.heading[0], rate_l=one.rate_l)
-        posterior = Posterior(solved.sigma[0], np.minimum(solved.low[0], 0.0), np.maximum(solved.high[0], 0.0))
+            return [mismatched("learned", problem.mean, bundle, misfits) for problem in problems]
+        gyro_l = np.stack([problem.rate_l() for problem in problems])
+        errors = None if first.sensor is None else first.sensor.gyro
+        solved = solve(bundle, gyro_l, rate_hz=first.rate_hz, latitude=first.latitude, errors=errors)
+        return [self._result(problem, solved, number, bundle) for number, problem in enumerate(problems)]
+
+    def _result(self, problem: Problem, solved: LearnedHeadings, number: int, bundle: LoadedBundle) -> Result:
+        """The result of one of the recordings."""
+        one = solved.found[number]
+        attitude = replace(problem.mean, heading=solved.heading[number], rate_l=one.rate_l)
+        low, high = np.minimum(solved.low[number], 0.0), np.maximum(solved.high[number], 0.0)
         slow = problem.rate_l(solved.rate_hz)
         white = np.asarray(white_of(slow) ** 2 / len(slow))
+        posterior = Posterior(solved.sigma[number], low, high)
         result = averaged_over_models(problem, attitude, posterior, method="learned", white=white)
         masked, ratio = one.bumps / solved.rate_hz, float(np.sqrt(one.excess))
-        found = DisturbanceFound(one.tones, one.settling, one.tilt, one.walk, masked, ratio, bool(solved.fits[0]))
+        found = DisturbanceFound(one.tones, one.settling, one.tilt, one.walk, masked, ratio, bool(solved.fits[number]))
         findings = () if found.explained else (Finding("swaying", UNEXPLAINED),)
         return replace(result, bundle=bundle.name, disturbance=found, findings=findings)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyronorth import catalogue
 from gyronorth.alignment.error_budget import horizontal_earth_rate
-from gyronorth.alignment.gates import judge_result
+from gyronorth.alignment.judging import judge_claim
 from gyronorth.alignment.networks.runtime import (
     LoadedBundle,
     bundle_of,
@@ -27,7 +27,7 @@ from gyronorth.findings import Finding
 from gyronorth.uncertainty import NORMAL_975, SIGMA_UNKNOWN, von_mises
 
 
-class Network:
+class NetworkMethod:
     """A trained heading network, with the error it had on recordings it had not seen."""
 
     def __init__(self, name: str) -> None:
@@ -89,7 +89,7 @@ def _contradiction(problem: Problem, heading: float, posterior: Posterior, bundl
     closed = float(beside.attitude.heading)
     off = abs(float(angle_error(heading, closed)))
     limit = GATE_SIGMA * float(np.hypot(posterior.sigma, beside.posterior.sigma))
-    believed = not any(gate.failed for gate in judge_result(problem, beside, METHODS.info("mean").gates))
+    believed = not any(gate.failed for gate in judge_claim(problem, beside))
     if not (believed and off > limit):
         return ()
     message = (
@@ -113,6 +113,6 @@ def _own_error(bundle: LoadedBundle) -> tuple[Finding, ...]:
     return (Finding("deviation_applied", message),)
 
 
-def method(name: str) -> Network:
+def method(name: str) -> NetworkMethod:
     """The method of a name."""
-    return Network(name)
+    return NetworkMethod(name)

@@ -9,6 +9,7 @@ import numpy as np
 
 from gyronorth.alignment.error_budget import (
     EXCURSION_OVER_RMS,
+    MOST_SCALE,
     MOTION_ALLOWANCE,
     MOTION_ALLOWANCE_MOST,
     horizontal_earth_rate,
@@ -27,10 +28,6 @@ from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import DisturbanceFound
 from gyronorth.findings import Finding
 
-#: Turn-on bias over the profile's up to which the rate may differ from the Earth's: a mixture over scales may widen an
-#: interval, but not explain away a wrong latitude or a unit that is broken. Where only a bias far beyond the profile
-#: would explain the recording, the plain mean is judged by that.
-MOST_SCALE = 3.0
 #: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
 TOLD_SCALE, TOLD = 2.0, 0.5
 #: Probability of a bias far beyond the profile from which the plain mean is judged: the prior of such a bias is small.
@@ -164,7 +161,9 @@ def _why(found: Inferred, *, known: bool) -> str:
     }
     least = {"tilt": TILT_TOLD}
     told = [
-        f"{words[name]} ({value:.2f})" for name, value in found.probability.items() if value >= least.get(name, TOLD)
+        f"{words[name]} (probability {value:.2f})"
+        for name, value in found.probability.items()
+        if value >= least.get(name, TOLD)
     ]
     if found.tones >= TOLD and found.probability["sway"] < TOLD:
         told.append("sway at a steady frequency")

@@ -230,7 +230,7 @@ def _inside(folder: Path, name: str) -> Path:
 
 @dataclass(frozen=True)
 class RecordingFacts:
-    """What is known of a recording when a bundle is to be run on it; `None` is not judged."""
+    """What is known of a recording when a bundle is to be run on it; `None` is not checked."""
 
     rate_hz: float  # Hz
     duration: float  # s

@@ -66,6 +66,7 @@ class Network:
                 raise InputError(f"{what} keeps numbers in other files; a bundle's network is one file. Export it so.")
         except DamagedOnnx as error:
             raise InputError(f"{what} is no ONNX network ({error}). Copy or train the bundle again.") from None
+        self.trusted = trusted
         self._child, self._runner, self._left = None, None, LOADING
         if trusted:
             self._runner = make(content)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -28,7 +28,8 @@ from gyronorth.alignment.networks.bundle import (
 from gyronorth.alignment.networks.diffusion import Predict, denoise, white_noise
 from gyronorth.alignment.networks.network import Arrays, Network, Runner
 from gyronorth.alignment.result import Attitude, Result, unknown
-from gyronorth.alignment.tones.proposals import Amortised, Propose, amortised
+from gyronorth.alignment.tones.proposals import KEPT, Amortised, Propose, amortising
+from gyronorth.alignment.tones.side_by_side import Proposing, searched
 from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimate
 from gyronorth.deviation import DeviationModel, deviation_of
@@ -37,6 +38,9 @@ from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.sensor import TriadErrors
 from gyronorth.uncertainty import SIGMA_UNKNOWN
+
+#: Recordings that are searched side by side, and the log odds within which rounding could tip a proposal.
+TOGETHER, HANGS = 32, 1e-3
 
 
 @dataclass(frozen=True)
@@ -222,7 +226,7 @@ def solve(
 
     Notes
     -----
-    Recordings go one by one, so that none depends on those beside it.
+    Recordings go side by side, and none depends on those beside it, see `side_by_side`.
     """
     if bundle.proposal is None or bundle.info.proposal is None:
         raise InputError(
@@ -234,9 +238,14 @@ def solve(
             f"gyro_l has shape {np.shape(gyro_l)} at {rate_hz:g} Hz; (n, samples, 3) with at least "
             f"{domain.window:g} s is expected by {bundle.name}."
         )
-    slow, propose = min(domain.rate_at(gyro_l.shape[1] / rate_hz), rate_hz), onnx_proposals(bundle.proposal)
-    level = decimate(gyro_l, rate_hz=rate_hz, to_hz=slow)
-    found = tuple(amortised(one, propose, rate_hz=slow, latitude=latitude, errors=errors) for one in level)
+    slow = min(domain.rate_at(gyro_l.shape[1] / rate_hz), rate_hz)
+    level, propose = decimate(gyro_l, rate_hz=rate_hz, to_hz=slow), side_by_side(bundle.proposal)
+    found: list[Amortised] = []
+    for start in range(0, len(level), TOGETHER):
+        searches = [
+            amortising(one, rate_hz=slow, latitude=latitude, errors=errors) for one in level[start : start + TOGETHER]
+        ]
+        found += searched(searches, propose)
     scale = bundle.info.proposal.sigma_scale
     return LearnedHeadings(
         heading=np.array([one.heading for one in found]),
@@ -244,7 +253,7 @@ def solve(
         low=np.maximum([one.low * scale for one in found], -np.pi),
         high=np.minimum([one.high * scale for one in found], np.pi),
         fits=np.array([one.fits for one in found], dtype=bool),
-        found=found,
+        found=tuple(found),
         rate_hz=slow,
     )
 
@@ -258,6 +267,33 @@ def onnx_proposals(network: Network) -> Propose:
         network.renew()
         bump, tone = network.run({"rate": rate[None], "index": index, "cycles": cycles})
         return network.check(bump, (1, len(rate)))[0], network.check(tone, (1, len(cycles)))[0]
+
+    return propose
+
+
+def side_by_side(network: Network) -> Callable[[Sequence[Proposing]], list[tuple[Any, Any]]]:
+    """The same for several recordings of one length at once, with what is taken of them as if each were alone.
+
+    Products in single precision round differently beside others, by some 1e-6 of the log odds. What is taken of a
+    proposal are the samples with positive odds and the `KEPT` likeliest frequencies: where one of them hangs by a
+    thousandth, the recording is asked for alone. A stranger's network is asked for each alone, within its time.
+    """
+    alone = onnx_proposals(network)
+
+    def propose(asked: Sequence[Proposing]) -> list[tuple[Any, Any]]:
+        if len(asked) == 1 or not network.trusted:
+            return [alone(one.rate, one.index, one.cycles) for one in asked]
+        rates = np.stack([one.rate for one in asked])
+        bump, tone = network.run({"rate": rates, "index": asked[0].index, "cycles": asked[0].cycles})
+        network.check(bump, rates.shape[:2])
+        network.check(tone, (len(asked), len(asked[0].cycles)))
+        ranked = np.sort(tone, axis=1)
+        close = np.abs(bump).min(axis=1) < HANGS
+        if tone.shape[1] > KEPT:
+            close |= ranked[:, -KEPT] - ranked[:, -KEPT - 1] < HANGS
+        return [
+            alone(one.rate, one.index, one.cycles) if close[n] else (bump[n], tone[n]) for n, one in enumerate(asked)
+        ]
 
     return propose
 

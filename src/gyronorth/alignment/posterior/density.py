@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gyronorth.angles import wrap_heading
+from gyronorth.angles import mean_direction, wrap_heading
 from gyronorth.arrays import Array
 from gyronorth.estimate import HeadingDensity
 
@@ -60,7 +60,7 @@ def mixture(centre: Array, concentration: Array, weight: Array) -> Density:
     """
     kappa = np.maximum(concentration, 1e-3)
     pull = weight * kappa / np.sqrt(4 + kappa**2)  # a weight that grows as the mean resultant length does
-    mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
+    mean = float(mean_direction(centre, pull))
     off = (centre - mean + np.pi) % (2 * np.pi) - np.pi
     # What lies far off and weighs next to nothing would cost all of the grid's resolution.
     each = np.abs(off) + 9 / np.sqrt(kappa)
@@ -96,7 +96,7 @@ def _read(mass: Array, mean: float, reach: float, step: float, far: float) -> De
     """What the grid holds; `far` is the share of the variance, rad^2, that lies beyond it."""
     mass = mass / mass.sum()
     grid = np.asarray((np.arange(POINTS) + 0.5) * step - reach, dtype=float)
-    middle = float(np.arctan2(mass @ np.sin(grid), mass @ np.cos(grid)))
+    middle = float(mean_direction(grid, mass))
     if reach == np.pi:  # turn the circle so that its cut lies opposite the mean
         shift = round(middle / step)
         mass, mean, middle = np.roll(mass, -shift), mean + shift * step, middle - shift * step

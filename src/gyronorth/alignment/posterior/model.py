@@ -12,6 +12,7 @@ from gyronorth.alignment.posterior.explain import FAR, Proposer, Weighed, explan
 from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, unit_bias
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -202,7 +203,7 @@ def _conclude(
         known, b, s, rate, far = one.law, piece.base, piece.shape, piece.rate, piece.log_weight <= ceiling - FAR
         w = np.where(far, 0.0, np.exp(piece.log_weight - ceiling))
         weight.append(w[~far])
-        centre.append(np.repeat(np.arctan2(-rate[1], rate[0]), np.count_nonzero(~far, axis=1)))
+        centre.append(np.repeat(heading_of_rate(rate.T), np.count_nonzero(~far, axis=1)))
         kappa.append(piece.concentration[~far])
         # Sums of what depends on hypothesis and scale of the bias, then of what depends on the hypothesis alone.
         lasting = np.log(np.hypot(scales.biases, known.shapes.lasting[:, None]) / unit_bias(sensor))

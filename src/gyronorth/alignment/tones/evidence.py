@@ -11,6 +11,7 @@ profile says: that is what is left when nothing else explains a slow change.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
-from gyronorth.alignment.tones.unexplained import STILL, Motion
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.sensor import TriadErrors
@@ -104,7 +105,7 @@ class ToneLaw:
 
 
 @lru_cache(maxsize=16)
-def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: Motion) -> Array:
+def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion) -> Array:
     """What whitens the first `blocks` times 300 samples: a matrix, or its diagonal for white noise alone.
 
     Of fewer samples it is the first rows and columns: what comes later does not change their covariance, so that a
@@ -120,7 +121,7 @@ def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: Motion) 
 
 
 @lru_cache(maxsize=16)
-def law(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> ToneLaw:
+def law(samples: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL) -> ToneLaw:
     """The law for recordings of one length of one sensor, whose platform may move."""
     whiten = _whitener(-(-samples // BLOCK), rate_hz, errors, motion)
     whiten = whiten[:samples] if whiten.ndim == 1 else whiten[:samples, :samples]
@@ -214,76 +215,98 @@ def columns(law: ToneLaw, whitened: Array, masked: Mask, frequency: Array) -> Co
 
 
 def evidence(law: ToneLaw, seen: Columns, log_prior: Array, *, scale: float = 1.0) -> Evidence:
-    """All models over the frequencies of `seen`, each with its log prior; noise `scale` times the law's.
+    """All models over the frequencies of `seen`, each with its log prior; noise `scale` times the law's."""
+    return evidences(law, [seen], [log_prior], [scale])[0]
+
+
+def evidences(
+    law: ToneLaw, seen: Sequence[Columns], log_prior: Sequence[Array], scale: Sequence[float]
+) -> list[Evidence]:
+    """The same of several recordings with as many frequencies each, worked as one array (b recordings).
 
     Unknowns are eliminated one after the other, slow change, tone, tone, by Schur complements.
     """
-    f, k = len(log_prior), len(law.share)
-    inner = seen.known.T @ seen.known / scale**2
-    gram, cross = seen.tone.T @ seen.tone / scale**2, seen.tone.T @ seen.known / scale**2
+    f, k = len(log_prior[0]), len(law.share)
+    pairs = list(zip(seen, scale, strict=True))
+    inner = np.stack([one.known.T @ one.known / size**2 for one, size in pairs])
+    gram = np.stack([one.tone.T @ one.tone / size**2 for one, size in pairs])
+    cross = np.stack([one.tone.T @ one.known / size**2 for one, size in pairs])
     # Slow change is the last axis: no change, k exponentials, a walk. Its columns are made orthonormal.
     exponential, walk = slice(4, 4 + k), slice(4 + k, None)
-    pivot = np.diag(inner)[exponential] + 1
-    into, through = inner[:4, exponential] / np.sqrt(pivot), cross[:, exponential] / np.sqrt(pivot)
-    lower = np.linalg.cholesky(inner[walk, walk] + np.eye(WALK_MODES))
-    inverse = np.linalg.inv(lower).T
-    into_walk, through_walk = inner[:4, walk] @ inverse, cross[:, walk] @ inverse
-    log_pivot = np.concatenate([[0.0], np.log(pivot), [2 * np.sum(np.log(np.diag(lower)))]])
-    walked = gram - through_walk @ through_walk.T
+    pivot = np.diagonal(inner, axis1=1, axis2=2)[:, exponential] + 1
+    root = np.sqrt(pivot)[:, None]
+    into, through = inner[:, :4, exponential] / root, cross[:, :, exponential] / root
+    lower = np.linalg.cholesky(inner[:, walk, walk] + np.eye(WALK_MODES))
+    inverse = np.linalg.inv(lower)
+    # One by one: the matrix library sums in another order where they are stacked.
+    into_walk = [one[:4, walk] @ each.T for one, each in zip(inner, inverse, strict=True)]
+    through_walk = [one[:, walk] @ each.T for one, each in zip(cross, inverse, strict=True)]
+    log_walk = 2 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+    log_pivot = np.concatenate([np.zeros((len(seen), 1)), np.log(pivot), log_walk[:, None]], axis=1)
+    walked = np.stack([whole - each @ each.T for whole, each in zip(gram, through_walk, strict=True)])
 
     def of_tones(rows: Index, columns: Index) -> Array:
-        """Entries (m, s) of the matrix of the tones, whose slow change is eliminated."""
-        whole = np.empty((len(rows), k + 2))
-        whole[:, 0], whole[:, -1] = gram[rows, columns], walked[rows, columns]
-        np.multiply(through[rows], through[columns], out=whole[:, 1:-1])
-        np.subtract(whole[:, :1], whole[:, 1:-1], out=whole[:, 1:-1])
+        """Entries (b, m, s) of the matrix of the tones, whose slow change is eliminated."""
+        whole = np.empty((len(seen), len(rows), k + 2))
+        whole[..., 0], whole[..., -1] = gram[:, rows, columns], walked[:, rows, columns]
+        np.multiply(through[:, rows], through[:, columns], out=whole[..., 1:-1])
+        np.subtract(whole[..., :1], whole[..., 1:-1], out=whole[..., 1:-1])
         return whole
 
-    constant = np.concatenate([inner[:4, :4, None], inner[:4, :4, None] - into[:, None] * into,
-                               (inner[:4, :4] - into_walk @ into_walk.T)[..., None]], axis=2)  # fmt: skip
-    rest = _entries(constant[0], np.trace(constant[1:, 1:]))  # (5, s)
-    p = np.concatenate([cross[:, :4].T[..., None], cross[:, :4].T[..., None] - into[:, None] * through,
-                        (cross[:, :4].T - into_walk @ through_walk.T)[..., None]], axis=2)  # (4, 2 f, s)  # fmt: skip
+    still, crossed = inner[:, :4, :4, None], cross[:, :, :4].transpose(2, 0, 1)[..., None]
+    walking = np.stack([one[:4, :4] - each @ each.T for one, each in zip(inner, into_walk, strict=True)])[..., None]
+    constant = np.concatenate([still, still - into[:, :, None] * into[:, None], walking], axis=3)
+    rest = _entries(constant[:, 0].transpose(1, 0, 2), np.trace(constant[:, 1:, 1:], axis1=1, axis2=2))  # (5, b, s)
+    drawn = np.stack([
+        one[:, :4].T - a @ b.T for one, a, b in zip(cross, into_walk, through_walk, strict=True)
+    ]).transpose(1, 0, 2)  # fmt: skip
+    settled = crossed - into.transpose(1, 0, 2)[:, :, None] * through
+    p = np.concatenate([crossed, settled, drawn[..., None]], axis=3)  # (4, b, 2 f, s)
     # Cosine and sine of a frequency, orthonormalised by the Cholesky factor of their 2 x 2 block.
     own = np.arange(f)
     a, b, d = of_tones(own, own) + 1, of_tones(own, own + f), of_tones(own + f, own + f) + 1
     l0 = np.sqrt(a)
     l10 = b / l0
     l1 = np.sqrt(d - l10 * l10)
-    q0 = p[:, :f] / l0
-    q1 = (p[:, f:] - l10 * q0) / l1
+    q0 = p[:, :, :f] / l0
+    q1 = (p[:, :, f:] - l10 * q0) / l1
     log_det_one = 2 * np.log(l0 * l1)
-    single = rest[:, None] - _squares(q0) - _squares(q1)  # (5, f, s)
+    single = rest[:, :, None] - _squares(q0) - _squares(q1)  # (5, b, f, s)
     # Off-diagonal blocks in the same orthonormal coordinates: m = L_i^-1 G_ij L_j^-T.
     i, j = _pairs(f)
-    i0, i10, i1, j0, j10, j1 = l0[i], l10[i], l1[i], l0[j], l10[j], l1[j]
+    i0, i10, i1, j0, j10, j1 = (each.take(which, axis=1) for which in (i, j) for each in (l0, l10, l1))
     m00, m01 = of_tones(i, j) / i0, of_tones(i, f + j) / i0
     m10, m11 = (of_tones(f + i, j) - i10 * m00) / i1, (of_tones(f + i, f + j) - i10 * m01) / i1
     m00, m10 = m00 / j0, m10 / j0
     m01, m11 = (m01 - m00 * j10) / j1, (m11 - m10 * j10) / j1
     s00, s01, s11 = 1 - m00 * m00 - m10 * m10, -m00 * m01 - m10 * m11, 1 - m01 * m01 - m11 * m11
     det = s00 * s11 - s01 * s01
-    q0_i, q1_i, k0, k1 = q0.take(i, axis=1), q1.take(i, axis=1), q0.take(j, axis=1), q1.take(j, axis=1)
+    q0_i, q1_i, k0, k1 = q0.take(i, axis=2), q1.take(i, axis=2), q0.take(j, axis=2), q1.take(j, axis=2)
     k0 -= m00 * q0_i + m10 * q1_i
     k1 -= m01 * q0_i + m11 * q1_i
     k0 -= s01 / s11 * k1
     k0 *= np.sqrt(s11 / det)
     k1 *= 1 / np.sqrt(s11)
-    double = single.take(i, axis=1)
+    double = single.take(i, axis=2)
     double -= _squares(k0)
     double -= _squares(k1)
 
-    total = np.concatenate([rest[:, None], single, double], axis=1)
-    log_det = np.concatenate([np.zeros((1, k + 2)), log_det_one, log_det_one[i] + log_det_one[j] + np.log(det)])
-    kinds = law.log_kinds[seen.bumped].T
-    log_weight = np.concatenate([kinds[:1], kinds[1:2] + log_prior[:, None],
-                                 kinds[2:] + (np.log(2) + log_prior[i] + log_prior[j])[:, None]])  # fmt: skip
+    total = np.concatenate([rest[:, :, None], single, double], axis=2)
+    both = log_det_one.take(i, axis=1) + log_det_one.take(j, axis=1) + np.log(det)
+    log_det = np.concatenate([np.zeros((len(seen), 1, k + 2)), log_det_one, both], axis=1)
+    kinds, prior = np.stack([law.log_kinds[one.bumped].T for one in seen]), np.stack(log_prior)[..., None]
+    of_two = np.log(2) + prior[:, i] + prior[:, j]
+    log_weight = np.concatenate([kinds[:, :1], kinds[:, 1:2] + prior, kinds[:, 2:] + of_two], axis=1)
     information, product, square = total[0], total[1:4], total[4]
     rate = product / information
-    log_weight -= 1.5 * (log_pivot + log_det) + 0.5 * (square - np.einsum("c...,c...->...", product, rate))
+    left = square - np.einsum("c...,c...->...", product, rate)
+    log_weight -= 1.5 * (log_pivot[:, None] + log_det) + 0.5 * left
     first = np.concatenate([[-1], own, i])
     second = np.concatenate([np.full(1 + f, -1), j])
-    return Evidence(log_weight.T, information.T, np.swapaxes(rate, 1, 2), first, second)
+    return [
+        Evidence(log_weight[n].T, information[n].T, np.swapaxes(rate[:, n], 1, 2), first, second)
+        for n in range(len(seen))
+    ]
 
 
 @lru_cache(maxsize=64)

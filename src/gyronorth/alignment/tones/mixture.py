@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.angles import wrap, wrap_heading
+from gyronorth.angles import mean_direction, wrap, wrap_heading
 from gyronorth.arrays import Array
 
 #: Headings on which the posterior is computed.
@@ -16,7 +16,7 @@ def mixture(centre: Array, concentration: Array, weight: Array) -> tuple[float, 
     from scipy.special import i0e, i1e
 
     pull = weight * i1e(concentration) / i0e(concentration)
-    mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
+    mean = float(mean_direction(centre, pull))
     off = wrap(centre - mean)
     spread = np.sqrt(weight @ (off**2 + 1 / np.maximum(concentration, 1e-3)))
     reach = min(np.pi, 10 * spread)

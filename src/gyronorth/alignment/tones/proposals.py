@@ -13,17 +13,19 @@ This is amortised Bayesian inference: the search over all pairs of some 200 freq
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, ToneLaw, columns, evidence, law, network_axes
+from gyronorth.alignment.tones.evidence import TILTS, Columns, Evidence, ToneLaw, columns, law, network_axes
 from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
-from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
-from gyronorth.angles import wrap_heading
+from gyronorth.alignment.tones.side_by_side import Proposing, Search, Weighing, searched
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
+from gyronorth.angles import mean_direction, wrap_heading
 from gyronorth.arrays import Array, Mask
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 
@@ -92,24 +94,30 @@ def amortised(
         Error terms of the gyro. Without them the white noise comes from second differences and the
         turn-on bias is averaged over those that `bayes` tries.
     """
+    search = amortising(gyro_l, rate_hz=rate_hz, latitude=latitude, errors=errors)
+    return searched([search], _each(propose))[0]
+
+
+def amortising(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: TriadErrors | None) -> Search[Amortised]:
+    """The search of `amortised`, for `searched`."""
     gyro_l = np.asarray(gyro_l, dtype=float)
     biases = UNKNOWN_BIAS if errors is None else (errors.turn_on_bias,)
     if errors is None or errors.white == 0:
         errors = replace(errors or TriadErrors(), white=white_of(gyro_l) / np.sqrt(rate_hz))
-    found = explored(gyro_l, propose, rate_hz=rate_hz, errors=errors)
+    found = yield from exploring(gyro_l, rate_hz=rate_hz, errors=errors)
     excess = left = _excess(found.residual, found.masked)
     law_holds = excess <= _most(found.masked)
     for number in range(0 if law_holds else ROUNDS):
         beyond = found.law.coloured(found.residual)
         noise, motion = unexplained(beyond, found.masked, rate_hz=rate_hz, errors=errors)
-        again = explored(gyro_l, propose, rate_hz=rate_hz, errors=noise, motion=motion)
+        again = yield from exploring(gyro_l, rate_hz=rate_hz, errors=noise, motion=motion)
         less = _excess(again.residual, again.masked)
         if less > (left if number == 0 else _most(again.masked)):
             break
         found, left = again, less
     models, masked = found.models, found.masked
     if left > _most(masked):
-        models = evidence(found.law, found.seen, found.lines.log_prior, scale=float(np.sqrt(left)))
+        models = yield Weighing(found.law, found.seen, found.lines.log_prior, scale=float(np.sqrt(left)))
     fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
     return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
@@ -127,13 +135,18 @@ class Explored:
 
 
 def explored(
-    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: Motion = STILL
+    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL
 ) -> Explored:
     """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
+    return searched([exploring(gyro_l, rate_hz=rate_hz, errors=errors, motion=motion)], _each(propose))[0]
+
+
+def exploring(gyro_l: Array, *, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL) -> Search[Explored]:
+    """The search of `explored`, for `searched`."""
     known = law(len(gyro_l), rate_hz, errors, motion)
     noise = errors.white * np.sqrt(rate_hz)
     scaled = (gyro_l - np.median(gyro_l, axis=0)) / noise
-    odds, weight = propose(scaled.astype(np.float32), *network_axes(len(gyro_l), rate_hz))
+    odds, weight = yield Proposing(scaled.astype(np.float32), *network_axes(len(gyro_l), rate_hz))
     masked = grown(odds > 0)
     if masked.mean() > 0.5:  # nothing would be left to judge by
         masked = np.zeros_like(masked)
@@ -141,20 +154,25 @@ def explored(
     lines = Lines(known.frequency[kept], known.log_prior[kept], np.ones(KEPT, dtype=np.int64))
     whitened, spacing = known.whitened(gyro_l), known.frequency[1] - known.frequency[0]
     seen = columns(known, whitened, masked, lines.frequency)
-    models = evidence(known, seen, lines.log_prior)
+    models = yield Weighing(known, seen, lines.log_prior)
     residual = whitened
     for number in range(ROUNDS):
         lines = lines.divided(models.shares(len(lines.frequency)), spacing, last=number == ROUNDS - 1)
         seen = columns(known, whitened, masked, lines.frequency)
-        models = evidence(known, seen, lines.log_prior)
+        models = yield Weighing(known, seen, lines.log_prior)
         residual = _residual(known, whitened, seen, models)
         bumped = _bumped(residual, masked)
         if (bumped != masked).any():
             masked = bumped
             seen = columns(known, whitened, masked, lines.frequency)
-            models = evidence(known, seen, lines.log_prior)
+            models = yield Weighing(known, seen, lines.log_prior)
             residual = _residual(known, whitened, seen, models)
     return Explored(known, lines, masked, seen, models, residual)
+
+
+def _each(propose: Propose) -> Callable[[Sequence[Proposing]], list[tuple[Array, Array]]]:
+    """Proposals of one recording after the other."""
+    return lambda asked: [propose(one.rate, one.index, one.cycles) for one in asked]
 
 
 def grown(flags: Mask) -> Mask:
@@ -251,7 +269,7 @@ def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, e
     bias, some = np.nonzero(weight > NEGLIGIBLE)
     weight, concentration = weight[bias, some] / weight[bias, some].sum(), concentration[bias, some]
     slow, which, rate, last = slow[some], which[some], rate[:, some], len(models.log_weight) - 1
-    heading, sigma, low, high = posterior(np.arctan2(-rate[1], rate[0]), concentration, weight)
+    heading, sigma, low, high = posterior(heading_of_rate(rate.T), concentration, weight)
     return Amortised(
         heading=heading,
         sigma=sigma,
@@ -277,7 +295,7 @@ def posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float
     from scipy.special import i0e, i1e
 
     pull = weight * i1e(concentration) / i0e(concentration)
-    mean = float(np.arctan2(pull @ np.sin(centre), pull @ np.cos(centre)))
+    mean = float(mean_direction(centre, pull))
     off = (centre - mean + np.pi) % (2 * np.pi) - np.pi
     spread = float(np.sqrt(weight @ (off**2 + 1 / np.maximum(concentration, 0.1))))
     # A window that holds the mass, or the whole circle.

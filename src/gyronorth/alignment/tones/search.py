@@ -23,9 +23,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.alignment.tones.mixture import mixture
-from gyronorth.alignment.tones.unexplained import STILL, Motion, unexplained
+from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index, robust_noise
+from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -139,7 +140,7 @@ def white_of(gyro_l: Array) -> float:
 
 
 @lru_cache(maxsize=8)
-def grid_of(samples: int, rate_hz: float, errors: TriadErrors, motion: Motion = STILL) -> _Grid:
+def grid_of(samples: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL) -> _Grid:
     """The features of every tone and exponential for recordings of one length of one sensor."""
     duration = samples / rate_hz
     edges = np.arange(samples + 1)
@@ -338,7 +339,7 @@ def _conclude(
 ) -> BayesFit:
     weight, concentration, settling, tones = _weigh(models, latitude, biases)
     rate = models.rate[:, settling, tones]
-    heading, sigma, interval = mixture(np.arctan2(-rate[1], rate[0]), concentration, weight)
+    heading, sigma, interval = mixture(heading_of_rate(rate.T), concentration, weight)
     best = tones[np.argmax(weight)]
     return BayesFit(
         heading=heading,

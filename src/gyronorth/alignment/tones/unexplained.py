@@ -25,7 +25,7 @@ TIMES, LONGEST = 8, 0.25
 
 
 @dataclass(frozen=True)
-class Motion:
+class BoundedMotion:
     """An Ornstein-Uhlenbeck angle of each axis."""
 
     angle: float = 0.0  # rad, root mean square
@@ -46,10 +46,12 @@ class Motion:
 
 
 #: A platform that does not move.
-STILL = Motion()
+STILL = BoundedMotion()
 
 
-def unexplained(residual: Array, masked: Mask, *, rate_hz: float, errors: TriadErrors) -> tuple[TriadErrors, Motion]:
+def unexplained(
+    residual: Array, masked: Mask, *, rate_hz: float, errors: TriadErrors
+) -> tuple[TriadErrors, BoundedMotion]:
     """Noise and motion that a residual (n, 3), rad/s, shows beyond the law of `errors`; masked samples do not count."""
     n = len(residual)
     used = np.where(masked[:, None], 0.0, residual)
@@ -59,12 +61,12 @@ def unexplained(residual: Array, masked: Mask, *, rate_hz: float, errors: TriadE
     white = (errors.white * WHITES[:, None]) ** 2
     best, found = np.inf, (errors, STILL)
     for time in np.geomspace(1 / rate_hz, LONGEST * n / rate_hz, TIMES):
-        moved = Motion(1.0, float(time)).spectrum(f, rate_hz)
+        moved = BoundedMotion(1.0, float(time)).spectrum(f, rate_hz)
         level = drift + white[:, None] + np.r_[0.0, ANGLES**2][None, :, None] * moved  # (whites, angles, f)
         cost = np.sum(3 * np.log(level) + power / level, axis=-1)
         row, column = np.unravel_index(np.argmin(cost), cost.shape)
         if cost[row, column] < best:
             best = float(cost[row, column])
             angle = float(np.r_[0.0, ANGLES][column])
-            found = (replace(errors, white=errors.white * float(WHITES[row])), Motion(angle, float(time)))
+            found = (replace(errors, white=errors.white * float(WHITES[row])), BoundedMotion(angle, float(time)))
     return found

@@ -16,7 +16,7 @@ from gyronorth.alignment.turned.model import (
     prior,
     regular,
 )
-from gyronorth.alignment.turned.segments import BLOCK_ANGLE, Blocks, blocks_per_stretch
+from gyronorth.alignment.turned.segments import BLOCK_ANGLE, TurnedBlocks, blocks_per_stretch
 from gyronorth.attitude import mat_bn, mean_rotation, rotation
 from gyronorth.earth import earth_rate_n
 from gyronorth.sensor import Sensor
@@ -72,7 +72,7 @@ def turned_sigma(
 
 def _ideal(
     sensor: Sensor, turns: tuple[float, ...], heading: float, still: float, turning: float, latitude: float, accel: bool
-) -> tuple[Blocks, State]:
+) -> tuple[TurnedBlocks, State]:
     """Blocks and state of a level unit that turns at a constant rate about the vertical, at 100 Hz."""
     rate_hz, per_stretch = 100.0, blocks_per_stretch(len(turns) + 1, sensor.gyro)
     first, spent = [0], 0.0
@@ -97,7 +97,7 @@ def _ideal(
     state = State(mat_bn(0.0, 0.0, heading).T, np.zeros(SPIN))
     n = len(seconds)
     zeros = np.zeros((n, 3))
-    blank = Blocks(
+    blank = TurnedBlocks(
         edges[:-1], edges[1:], np.array(stretch), np.full(n, -1), zeros, zeros if accel else None,
         rotation(yaw_vector), mean_b, rate_hz, np.zeros(n), np.zeros(n),
     )  # fmt: skip

@@ -18,13 +18,20 @@ from numpy.typing import ArrayLike
 from gyronorth.alignment.posterior.density import mixture
 from gyronorth.alignment.turned.model import COLUMNS, GivenTurn, heading_gradient
 from gyronorth.alignment.turned.noise import candidates, with_noise
-from gyronorth.alignment.turned.segments import Blocks, Segments, SegmentTurn, blocks_per_stretch, cut, find_segments
+from gyronorth.alignment.turned.segments import (
+    Segments,
+    SegmentTurn,
+    TurnedBlocks,
+    blocks_per_stretch,
+    cut,
+    find_segments,
+)
 from gyronorth.alignment.turned.solve import Solution, Unknowns, solve, under
 from gyronorth.alignment.turned.sway import with_sway
 from gyronorth.alignment.turned.unknowns import hypotheses
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array
-from gyronorth.attitude import level
+from gyronorth.attitude import heading_of, level
 from gyronorth.errors import InputError
 from gyronorth.sensor import Sensor
 
@@ -165,7 +172,7 @@ def _given_turns(turn_angles: ArrayLike | None, segments: Segments) -> tuple[Giv
 class _Case:
     """What is fitted, whatever the noise."""
 
-    blocks: Blocks
+    blocks: TurnedBlocks
     segments: Segments
     latitude: float
     given: tuple[GivenTurn, ...]
@@ -230,7 +237,7 @@ def _report(case: _Case, weighed: list[_Weighed], *, rejected: bool, noise_infer
     weight /= weight.sum()
     gradient = heading_gradient(state.end)
     sigmas = inflation * np.array([_sigma(one.solution) for one in weighed])
-    headings = np.array([_heading(one.solution.improved.end) for one in weighed])
+    headings = np.array([heading_of(one.solution.improved.end) for one in weighed])
     off = (headings - headings[0] + np.pi) % (2 * np.pi) - np.pi
     shift = float(weight @ off)
     density = mixture(headings, 1 / np.maximum(sigmas, 1e-12) ** 2, weight)
@@ -272,11 +279,7 @@ def _sigma(solution: Solution) -> float:
     return float(np.sqrt(gradient @ solution.covariance[:3, :3] @ gradient))
 
 
-def _heading(attitude: Array) -> float:
-    return float(np.arctan2(attitude[1, 0], attitude[0, 0]))
-
-
-def _poses(blocks: Blocks, solution: Solution, segments: Segments) -> tuple[TurnedPose, ...]:
+def _poses(blocks: TurnedBlocks, solution: Solution, segments: Segments) -> tuple[TurnedPose, ...]:
     gyro_rows = np.flatnonzero(solution.linear.kind == 0)
     residual = solution.linear.residual[gyro_rows]
     still, poses = np.flatnonzero(blocks.still), list[TurnedPose]()
@@ -293,7 +296,7 @@ def _poses(blocks: Blocks, solution: Solution, segments: Segments) -> tuple[Turn
             TurnedPose(
                 start=float(blocks.first[members[0]] / blocks.rate_hz),
                 end=float(blocks.last[members[-1]] / blocks.rate_hz),
-                heading=float(wrap_heading(np.arctan2(attitude[1, 0], attitude[0, 0]))),
+                heading=float(wrap_heading(heading_of(attitude))),
                 roll=float(roll),
                 pitch=float(pitch),
                 number=segments.pose[number],

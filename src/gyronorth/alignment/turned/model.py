@@ -25,9 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.alignment.turned.segments import Blocks
+from gyronorth.alignment.turned.segments import TurnedBlocks
 from gyronorth.arrays import Array
-from gyronorth.attitude import cross_matrix, mean_rotation, rotation, rotation_vector
+from gyronorth.attitude import cross_matrix, heading_of, mean_rotation, rotation, rotation_vector
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
@@ -119,7 +119,7 @@ def prior(sensor: Sensor, *, spins: int, bias_known: bool) -> Prior:
     return Prior(sigma, information)
 
 
-def attitudes(blocks: Blocks, state: State, *, latitude: float) -> Array:
+def attitudes(blocks: TurnedBlocks, state: State, *, latitude: float) -> Array:
     """Attitude R_nb at the start of each block, shape (n, 3, 3): the end's, carried backwards.
 
     The integrated rotation of a block is corrected for bias and scale factor in the frame of
@@ -141,7 +141,7 @@ def attitudes(blocks: Blocks, state: State, *, latitude: float) -> Array:
     return attitude
 
 
-def over_angle(blocks: Blocks) -> Array:
+def over_angle(blocks: TurnedBlocks) -> Array:
     """Mean over the angle of a block of the rotation since its start, shape (n, 3, 3)."""
     return mean_rotation(rotation_vector(blocks.turn_b))
 
@@ -188,7 +188,7 @@ class Linear:
 
 
 def linearise(
-    blocks: Blocks,
+    blocks: TurnedBlocks,
     state: State,
     sensor: Sensor,
     *,
@@ -259,7 +259,7 @@ def linearise(
 
     for turn in turn_angles:
         a, b = (int(np.flatnonzero(blocks.stretch == s)[0]) for s in (turn.before, turn.behind))
-        turned = _heading(attitude[b]) - _heading(attitude[a])
+        turned = float(heading_of(attitude[b]) - heading_of(attitude[a]))
         residual = (turn.angle - turned + np.pi) % (2 * np.pi) - np.pi
         down_a, down_b = heading_gradient(attitude[a]), heading_gradient(attitude[b])
         design = down_b @ chain[b] - down_a @ chain[a]
@@ -320,7 +320,7 @@ def _block_diagonal(parts: list[Array]) -> Array:
     return total
 
 
-def _levelling(blocks: Blocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple[Array, Array]:
+def _levelling(blocks: TurnedBlocks, seen: NDArray[np.int64], sensor: Sensor) -> tuple[Array, Array]:
     """Covariance (3 k, 3 k) and means (k, 3) of the specific force; level poses without an accelerometer."""
     if blocks.accel_b is not None:
         law = NoiseLaw(sensor.accel)
@@ -342,10 +342,6 @@ def _by_rows(vector: Array) -> Array:
     for row in range(3):
         out[..., row, 3 * row : 3 * row + 3] = vector
     return out
-
-
-def _heading(attitude: Array) -> float:
-    return float(np.arctan2(attitude[1, 0], attitude[0, 0]))
 
 
 def heading_gradient(attitude: Array) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyronorth.alignment.turned.segments import Blocks
+from gyronorth.alignment.turned.segments import TurnedBlocks
 from gyronorth.arrays import Array
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
@@ -19,7 +19,7 @@ UNKNOWN_FLICKER = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 QUIETEST, QUIETEST_FORCE = 3e-8, 1e-5
 
 
-def candidates(blocks: Blocks, fine: Blocks) -> list[Sensor]:
+def candidates(blocks: TurnedBlocks, fine: TurnedBlocks) -> list[Sensor]:
     """Sensors that might have made the recording: its own white noise, several in-run drifts."""
     white = _white(_scatter(blocks, blocks.gyro_b), _scatter(fine, fine.gyro_b))
     longest = max([blocks.seconds[blocks.stretch == s].sum() for s in range(blocks.stretch.max() + 1)], default=100.0)
@@ -32,7 +32,7 @@ def candidates(blocks: Blocks, fine: Blocks) -> list[Sensor]:
     ]
 
 
-def with_noise(sensor: Sensor, blocks: Blocks, fine: Blocks) -> Sensor:
+def with_noise(sensor: Sensor, blocks: TurnedBlocks, fine: TurnedBlocks) -> Sensor:
     """A profile that states no white noise takes that of the recording: nothing measures without any."""
     gyro, accel = sensor.gyro, sensor.accel
     if gyro.white == 0:
@@ -42,7 +42,7 @@ def with_noise(sensor: Sensor, blocks: Blocks, fine: Blocks) -> Sensor:
     return replace(sensor, gyro=gyro, accel=accel)
 
 
-def _scatter(blocks: Blocks, values: Array) -> tuple[float, float]:
+def _scatter(blocks: TurnedBlocks, values: Array) -> tuple[float, float]:
     """Noise density from differences of neighbouring blocks of a stretch, and the usual length of these, s.
 
     Of blocks of unequal length with turns between: `conditioning.noise_density` takes one record without a break.

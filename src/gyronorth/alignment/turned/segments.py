@@ -46,7 +46,7 @@ MOST_BLOCKS = 400
 
 
 @dataclass(frozen=True)
-class Blocks:
+class TurnedBlocks:
     """Consecutive pieces of a recording, from its first stretch or spin to its last; n of them."""
 
     first: NDArray[np.int64]  # (n,) first sample
@@ -210,14 +210,14 @@ def _is_spin(part: Array, rate_hz: float) -> bool:
     )
 
 
-def cut(gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: float, per_stretch: int) -> Blocks:
+def cut(gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: float, per_stretch: int) -> TurnedBlocks:
     """The recording cut into blocks: `per_stretch` of each stretch, turns by rotation angle."""
     spins = [(round(t.start * rate_hz), round(t.end * rate_hz)) for t in segments.turns if t.spin]
     parts = sorted(
         [(*s, number, -1) for number, s in enumerate(segments.stretches)]
         + [(*s, -1, number) for number, s in enumerate(spins)]
     )
-    pieces: list[Blocks] = []
+    pieces: list[TurnedBlocks] = []
     for index, (first, last, stretch, spin) in enumerate(parts):
         if index and parts[index - 1][1] < first:
             pieces.append(_turning(gyro_b, parts[index - 1][1], first, rate_hz))
@@ -230,7 +230,7 @@ def cut(gyro_b: Array, accel_b: Array | None, segments: Segments, *, rate_hz: fl
     joined = {name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in names}
     accel = None if accel_b is None else _means(accel_b, joined["first"], joined["last"])
     none = np.zeros(len(joined["first"]))
-    return Blocks(**joined, accel_b=accel, rate_hz=rate_hz, sway=none, surge=none, measured=segments.measured)
+    return TurnedBlocks(**joined, accel_b=accel, rate_hz=rate_hz, sway=none, surge=none, measured=segments.measured)
 
 
 def blocks_per_stretch(stretches: int, errors: TriadErrors | None) -> int:
@@ -239,18 +239,18 @@ def blocks_per_stretch(stretches: int, errors: TriadErrors | None) -> int:
     return max(2, (24 if drifts else 8) // max(1, stretches))
 
 
-def _standing(gyro_b: Array, first: int, last: int, stretch: int, parts: int, rate_hz: float) -> Blocks:
+def _standing(gyro_b: Array, first: int, last: int, stretch: int, parts: int, rate_hz: float) -> TurnedBlocks:
     edges = np.linspace(first, last, min(parts, last - first) + 1).round().astype(np.int64)
     n = len(edges) - 1
     still = np.tile(np.eye(3), (n, 1, 1))
     mean = _means(gyro_b, edges[:-1], edges[1:])
     none = np.zeros(n)
-    return Blocks(
+    return TurnedBlocks(
         edges[:-1], edges[1:], np.full(n, stretch), np.full(n, -1), mean, None, still, still, rate_hz, none, none
     )
 
 
-def _turning(gyro_b: Array, first: int, last: int, rate_hz: float) -> Blocks:
+def _turning(gyro_b: Array, first: int, last: int, rate_hz: float) -> TurnedBlocks:
     part = gyro_b[first:last]
     swept = np.linalg.norm(part, axis=1).sum() / rate_hz
     count = max(1, min(int(np.ceil(swept / BLOCK_ANGLE)), len(part), MOST_BLOCKS))
@@ -259,7 +259,7 @@ def _turning(gyro_b: Array, first: int, last: int, rate_hz: float) -> Blocks:
     none, nothing = np.full(count, -1), np.zeros(count)
     mean = _means(part, edges[:-1], edges[1:])
     first_b, last_b = first + edges[:-1], first + edges[1:]
-    return Blocks(first_b, last_b, none, none, mean, None, turn_b, mean_b, rate_hz, nothing, nothing)
+    return TurnedBlocks(first_b, last_b, none, none, mean, None, turn_b, mean_b, rate_hz, nothing, nothing)
 
 
 def rotations(gyro_b: Array, edges: NDArray[np.int64], *, rate_hz: float) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from gyronorth.alignment.turned.model import (
     prior,
     regular,
 )
-from gyronorth.alignment.turned.segments import Blocks
+from gyronorth.alignment.turned.segments import TurnedBlocks
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.attitude import level, mat_bn, rotation
@@ -110,7 +110,7 @@ class Solution:
         scaled = self.covariance[np.ix_(used, used)] / np.outer(self.known.sigma[used], self.known.sigma[used])
         return float(-0.5 * (self.chi2 + np.linalg.slogdet(self.noise)[1] - np.linalg.slogdet(scaled)[1]))
 
-    def parts(self, blocks: Blocks, sensor: Sensor, gradient: Array) -> dict[str, float]:
+    def parts(self, blocks: TurnedBlocks, sensor: Sensor, gradient: Array) -> dict[str, float]:
         """Heading variance by cause: noise through the gain, priors through what they leave."""
         gain, linear = gradient @ self.gain[:3], self.linear
 
@@ -137,7 +137,7 @@ class Solution:
 
 
 def solve(
-    blocks: Blocks,
+    blocks: TurnedBlocks,
     sensor: Sensor,
     latitude: float,
     given: tuple[GivenTurn, ...],
@@ -181,7 +181,7 @@ def _solution(model: Model, unknowns: Unknowns) -> Solution:
     return Solution(model, unknowns, noise, covariance, gain, change, chi2)
 
 
-def _first_guess(blocks: Blocks, gyro: Array, known: Prior, latitude: float) -> State:
+def _first_guess(blocks: TurnedBlocks, gyro: Array, known: Prior, latitude: float) -> State:
     """Attitude and bias from a linear fit of Earth rate and bias, and a scan of the circle.
 
     With the end levelled and its heading called zero, y_i = R_i^T u + b is linear in the Earth

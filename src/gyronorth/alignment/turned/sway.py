@@ -1,8 +1,8 @@
-"""Poses that sway or tilt: seen by gyro and accelerometer, traced by the gyro and levelled by the accelerometer.
+"""Poses that sway or tilt: carried by the gyro, levelled by the accelerometer.
 
 Sway is motion whose angle stays bounded. In the mean rate of a block it is noise of the angle at both ends over the
-length (`Blocks.sway_covariance`). With an accelerometer a swaying stretch tells more: the gyro carries the attitude
-through it, as through a turn, and what gravity disagrees with is the gyro's error and the Earth's rotation.
+length (`TurnedBlocks.sway_covariance`). With an accelerometer a swaying stretch tells more: the gyro carries the
+attitude through it, as through a turn, and what gravity disagrees with is the gyro's error and the Earth's rotation.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyronorth.alignment.turned.segments import Blocks, rotations
+from gyronorth.alignment.turned.segments import TurnedBlocks, rotations
 from gyronorth.arrays import Array
 from gyronorth.conditioning import GATE_SIGMA, block_means
 from gyronorth.earth import STANDARD_GRAVITY
@@ -24,7 +24,7 @@ STEP = 0.1
 LAGS, FEWEST = (0.1, 0.4), 40
 
 
-def with_sway(blocks: Blocks, gyro_b: Array, accel_b: Array | None, sensor: Sensor) -> Blocks:
+def with_sway(blocks: TurnedBlocks, gyro_b: Array, accel_b: Array | None, sensor: Sensor) -> TurnedBlocks:
     """The blocks with the sway of each stretch, where more than the sensor's noise is seen."""
     sway, surge = blocks.sway.copy(), blocks.surge.copy()
     turn_b, mean_b = blocks.turn_b.copy(), blocks.mean_b.copy()

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyronorth.alignment.turned.model import GivenTurn
-from gyronorth.alignment.turned.segments import Blocks
+from gyronorth.alignment.turned.segments import TurnedBlocks
 from gyronorth.alignment.turned.solve import Unknowns
 from gyronorth.sensor import Sensor
 from gyronorth.sensor.law import NoiseLaw
@@ -41,7 +41,7 @@ class Hypothesis:
 
 
 def hypotheses(
-    blocks: Blocks, sensor: Sensor, given: tuple[GivenTurn, ...], angle_sigma: float | None, *, scatter: bool
+    blocks: TurnedBlocks, sensor: Sensor, given: tuple[GivenTurn, ...], angle_sigma: float | None, *, scatter: bool
 ) -> list[Hypothesis]:
     """All of them, the steady bias first; with `scatter` also one that scatters between two poses or more."""
     places = len(np.unique(np.where(blocks.still, blocks.stretch, -1 - blocks.spin)[blocks.still | (blocks.spin >= 0)]))
@@ -60,7 +60,7 @@ def hypotheses(
     ]
 
 
-def _pose_noise(blocks: Blocks, sensor: Sensor) -> float:
+def _pose_noise(blocks: TurnedBlocks, sensor: Sensor) -> float:
     """Standard deviation that the law gives the mean rate of a usual pose, rad/s."""
     still = blocks.still
     if not still.any():

@@ -22,7 +22,7 @@ from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync
-from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, xor_holds
+from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, name_of, xor_holds
 
 _NAME = b"#APIMU,"
 _LONGEST = 256
@@ -85,5 +85,14 @@ def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
 
 
 PROTOCOL = Protocol(
-    "anello", 3, _starts, xor_holds, _layouts, _fields, scale=_scale, line_ends=True, lines=lambda _layout: True
+    "anello",
+    3,
+    _starts,
+    xor_holds,
+    _layouts,
+    _fields,
+    scale=_scale,
+    line_ends=True,
+    lines=lambda _layout: True,
+    message=name_of,
 )

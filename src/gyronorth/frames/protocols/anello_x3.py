@@ -49,4 +49,8 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
     )
 
 
-PROTOCOL = Protocol("anello-x3", _HEADER, _starts, _whole, _layouts, _fields)
+def _message(row: Bytes) -> str:
+    return f"message 0x{row[2]:02X}"
+
+
+PROTOCOL = Protocol("anello-x3", _HEADER, _starts, _whole, _layouts, _fields, message=_message)

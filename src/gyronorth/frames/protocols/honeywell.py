@@ -79,5 +79,13 @@ def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
 
 
 PROTOCOL = Protocol(
-    "hg4930", 2, _starts, _whole, _layouts, _fields, rank=lambda layout: int(layout % 256 == _CONTROL), scale=_scale
+    "hg4930",
+    2,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    rank=lambda layout: int(layout % 256 == _CONTROL),
+    scale=_scale,
+    message=lambda row: f"message 0x{row[1]:02X}",
 )

@@ -15,8 +15,8 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.frames.checksums import column
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync, u16, with_head
-from gyronorth.frames.protocols.tagged import Blocks, layouts_of
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Protocol, at_sync, u16, with_head
+from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _USER_DATA = (0x01, 0x95)
 _TIME, _GYRO, _ACCEL, _TEMPERATURE = 0x01, 0x21, 0x23, 0x52
@@ -59,9 +59,13 @@ def _flags(blocks: Blocks) -> int | None:
     return 0 if _GYRO in blocks else None
 
 
-def _has_force(row: Bytes) -> bool:
-    blocks, _ = _parse(row) or ({}, None)
-    return tuple(row[2:4].tolist()) == _USER_DATA and _ACCEL in blocks
+def _force(rows: Bytes, _interval: float) -> Force:
+    force = Force.none(len(rows))
+    for index, blocks, _ in groups_of(rows, _parse):
+        if _ACCEL in blocks and tuple(rows[index[0], 2:4].tolist()) == _USER_DATA:
+            force.here[index] = True
+            force.value[index] = column(rows[index], blocks[_ACCEL][0], "<i4", 3) * 1e-6 * STANDARD_GRAVITY
+    return force
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -82,4 +86,12 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
     )
 
 
-PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, has_force=_has_force)
+def _message(row: Bytes) -> str:
+    if tuple(row[2:4].tolist()) != _USER_DATA:
+        return f"message 0x{row[3]:02X}"
+    return (
+        f"user-defined data without rate ({', '.join(f'0x{kind:02X}' for kind in row[7 : 7 + int(row[6])].tolist())})"
+    )
+
+
+PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message)

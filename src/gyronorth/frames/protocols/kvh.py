@@ -1,15 +1,18 @@
-"""Formats A and B of KVH (EMCORE) fibre-optic units: 1725, 1750, 1760, 1775, P-series.
+"""Formats A, B and C of KVH (EMCORE) fibre-optic units: 1725, 1750, 1760, 1775, P-series.
 
 Format A (36 bytes): FE 81 FF 55, three float32 of rotation, three of acceleration in g, a status byte (bits 0 to 2:
 gyros valid, 4 to 6: accelerometers valid), a sequence number 0 to 127, a temperature, a CRC-32. Format B (40 bytes,
 FE 81 FF 56) has the time in microseconds before the status; units set to time since the pulse per second start it
-again each second, which is counted as a jump of the clock.
+again each second, which is counted as a jump of the clock. Format C (38 bytes,
+FE 81 FF 57) has no time, and a float32 before the status instead of the temperature: by the sequence number modulo 4
+the temperature (0) or one axis of the magnetic field (1 to 3).
 
 Whether the rotation is a rate or an angle per sample, in rad or deg, is set in the unit and is not in the frame. At
 rest the norm tells it: exactly one choice makes it Earth rate. Else angle per sample in rad is taken, and told.
 
-Source: KVH ICD 56-0298. Format A and its CRC hold on the two whole frames in the test data of TRECVT/ros_kvh1750;
-format B is not verified against a real frame, nor is the axes' sense.
+Source: KVH ICD 56-0298, tables 5-1 to 5-9; the order of the values of format C as a user's connector states it
+(RISE-Maritime/keelson). Format A and its CRC hold on the two whole frames in the test data of TRECVT/ros_kvh1750;
+formats B and C are not verified against a real frame, nor is the axes' sense.
 """
 
 from __future__ import annotations
@@ -24,8 +27,15 @@ from gyronorth.findings import Finding
 from gyronorth.frames.checksums import column, crc_msb
 from gyronorth.frames.protocol import Bytes, Fields, Options, Protocol, Scale, at_sync
 
-_A, _B = 0x55, 0x56
-_LENGTH = {_A: 36, _B: 40}
+_A, _B, _C = 0x55, 0x56, 0x57
+_LENGTH = {_A: 36, _B: 40, _C: 38}
+_LENGTHS = np.zeros(256, np.int64)
+for _kind, _length in _LENGTH.items():
+    _LENGTHS[_kind] = _length
+#: Bytes from the status byte to the end.
+_TAIL = {_A: 8, _B: 8, _C: 6}
+#: Sequence numbers, modulo 4, at which format C holds the temperature.
+_WARM, _TURN = 0, 4
 _VALID = 0x77
 _UNITS = {"rad/s": 1.0, "deg/s": np.pi / 180}
 #: A norm within this factor of Earth rate is Earth rate, with the bias and the noise of such a unit.
@@ -35,8 +45,8 @@ _FACTOR = 2.5
 def _starts(data: Bytes) -> tuple[Index, Index]:
     start = at_sync(data[:-1], (0xFE, 0x81, 0xFF))
     kind = data[start + 3]
-    start, kind = start[(kind == _A) | (kind == _B)], kind[(kind == _A) | (kind == _B)]
-    return start, np.where(kind == _A, _LENGTH[_A], _LENGTH[_B])
+    known = _LENGTHS[kind] > 0
+    return start[known], _LENGTHS[kind[known]]
 
 
 def _whole(rows: Bytes) -> Mask:
@@ -49,7 +59,11 @@ def _layouts(rows: Bytes) -> Index:
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:
-    at = _LENGTH[layout] - 8
+    at = _LENGTH[layout] - _TAIL[layout]
+    if layout == _C:
+        temperature = np.where(rows[:, at + 1] % _TURN == _WARM, column(rows, at - 4, ">f4").astype(float), np.nan)
+    else:
+        temperature = column(rows, at + 2, ">i2").astype(float)
     return Fields(
         gyro=column(rows, 4, ">f4", 3).astype(float),
         accel=column(rows, 16, ">f4", 3).astype(float),
@@ -59,7 +73,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
         counter=rows[:, at + 1].astype(np.int64),
         counter_wrap=128,
         fault=(rows[:, at] & _VALID) != _VALID,
-        temperature=column(rows, at + 2, ">i2").astype(float),
+        temperature=temperature,
     )
 
 

@@ -7,7 +7,7 @@ down.
 
 Sources: MicroStrain DCP manuals; descriptors and overrange bits as in `pymscl` (MIT), against which the decoder's
 framing is tested. Packets of one stream may hold different fields, as those of slower rates come in every nth: what
-most of them hold is read. Not verified against a real packet.
+most of them hold is read, and specific force where it comes. Not verified against a real packet.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.frames.checksums import column, fletcher_16
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, with_head
-from gyronorth.frames.protocols.tagged import Blocks, layouts_of
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Options, Protocol, Scale, at_sync, with_head
+from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _SENSOR_SET = 0x80
+_SETS = {0x01: "replies", 0x0C: "replies", 0x81: "GNSS", 0x82: "filter", 0x91: "GNSS", 0x92: "GNSS", 0xA0: "system"}
 _ACCEL, _GYRO, _DELTA_THETA, _DELTA_VELOCITY = 0x04, 0x05, 0x07, 0x08
 _GPS_TIME, _SHARED_GPS_TIME, _REFERENCE_TIME = 0x12, 0xD3, 0xD5
 _TEMPERATURES, _OVERRANGE = 0x14, 0x18
@@ -79,9 +80,19 @@ def _reads(layout: int) -> int:
     return gyro | accel | time | layout & _BITS[_TEMPERATURES]
 
 
-def _has_force(row: Bytes) -> bool:
-    blocks, _ = _parse(row) or ({}, None)
-    return row[2] == _SENSOR_SET and (_ACCEL in blocks or _DELTA_VELOCITY in blocks)
+def _force(rows: Bytes, interval: float) -> Force:
+    """Scaled specific force, else the velocity gained in the interval."""
+    force = Force.none(len(rows))
+    for index, blocks, _ in groups_of(rows, _parse):
+        read = next((name for name in (_ACCEL, _DELTA_VELOCITY) if name in blocks), None)
+        if read is None or rows[index[0], 2] != _SENSOR_SET:
+            continue
+        unit = STANDARD_GRAVITY / (interval if read == _DELTA_VELOCITY else 1.0)
+        force.here[index] = True
+        force.value[index] = column(rows[index], blocks[read][0], ">f4", 3) * unit
+        if _OVERRANGE in blocks:
+            force.saturated[index] = (column(rows[index], blocks[_OVERRANGE][0], ">u2") & _SATURATED) != 0
+    return force
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -127,4 +138,16 @@ def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(1.0, STANDARD_GRAVITY, bool(reads & _BITS[_DELTA_THETA]), bool(reads & _BITS[_DELTA_VELOCITY]))
 
 
-PROTOCOL = Protocol("mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, has_force=_has_force)
+def _message(row: Bytes) -> str:
+    if row[2] == _SENSOR_SET:
+        blocks, _ = _parse(row) or ({}, None)
+        return "sensor data without rate" + (
+            f" ({', '.join(f'0x{name:02X}' for name in sorted(blocks))})" if blocks else ""
+        )
+    name = _SETS.get(int(row[2]))
+    return f"set 0x{row[2]:02X}" + (f" ({name})" if name else "")
+
+
+PROTOCOL = Protocol(
+    "mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, force=_force, message=_message
+)

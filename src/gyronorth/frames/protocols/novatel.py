@@ -23,7 +23,7 @@ from gyronorth.arrays import Index, Mask
 from gyronorth.errors import InputError
 from gyronorth.frames.checksums import column
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16, with_head
-from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts
+from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts, name_of
 
 _RAWIMU, _RAWIMUS, _RAWIMUX, _RAWIMUSX = 268, 325, 1461, 1462
 _NAMES = {b"RAWIMUA": _RAWIMU, b"RAWIMUSA": _RAWIMUS, b"RAWIMUXA": _RAWIMUX, b"RAWIMUSXA": _RAWIMUSX}
@@ -38,6 +38,11 @@ _FOOT = 0.3048
 _TEXT = 1_000_000_000
 #: Stands for a type of IMU that is none.
 _NO_TYPE = 999
+#: Logs that are often set beside them; the corrected ones have Earth's rate taken off.
+_LOGS = {
+    37: "VERSION", 42: "BESTPOS", 43: "RANGE", 93: "RXSTATUS", 101: "TIME", 263: "INSATT", 319: "INSATTS",
+    507: "INSPVA", 508: "INSPVAS", 812: "CORRIMUDATA", 813: "CORRIMUDATAS", 1429: "BESTGNSSPOS", 1465: "INSPVAX",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -239,6 +244,23 @@ def _rank(layout: int) -> int:
     return 0 if _log(layout) in _TYPED else 1
 
 
+def _message(row: Bytes) -> str:
+    if row[0] != 0xAA:
+        return f"log {name_of(row)[1:]}"
+    log = int(row[4]) | int(row[5]) << 8
+    return f"log {_LOGS.get(log, log)}"
+
+
 PROTOCOL = Protocol(
-    "novatel", 10, _starts, _whole, _layouts, _fields, rank=_rank, scale=_scale, line_ends=True, lines=_is_line
+    "novatel",
+    10,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    rank=_rank,
+    scale=_scale,
+    line_ends=True,
+    lines=_is_line,
+    message=_message,
 )

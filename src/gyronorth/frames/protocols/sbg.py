@@ -17,6 +17,11 @@ from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync, u
 
 _IMU_DATA, _IMU_SHORT = 3, 44
 _PAYLOAD = {_IMU_DATA: 58, _IMU_SHORT: 32}
+#: Logs of class 0 that units send beside them.
+_LOGS = {
+    1: "STATUS", 2: "UTC_TIME", 4: "MAG", 5: "MAG_CALIB", 6: "EKF_EULER", 7: "EKF_QUAT", 8: "EKF_NAV",
+    9: "SHIP_MOTION", 13: "GPS1_VEL", 14: "GPS1_POS", 15: "GPS1_HDT", 19: "ODO_VEL", 36: "AIR_DATA",
+}  # fmt: skip
 _LONGEST = 4086
 _ACCEL_LSB, _GYRO_LSB, _GYRO_HIGH_LSB = 1048576.0, 67108864.0, 12304174.0
 #: Status: bits 0 to 7, set where communication, built-in tests and each sensor are good; 8 and 9, set where in range.
@@ -62,4 +67,18 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-PROTOCOL = Protocol("sbg", 6, _starts, _whole, _layouts, _fields, rank=lambda layout: int(layout == _IMU_DATA))
+def _message(row: Bytes) -> str:
+    name = _LOGS.get(int(row[2])) if row[3] == 0 else None
+    return f"log {row[2]}" + (f" ({name})" if name else f" of class {row[3]}")
+
+
+PROTOCOL = Protocol(
+    "sbg",
+    6,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    rank=lambda layout: int(layout == _IMU_DATA),
+    message=_message,
+)

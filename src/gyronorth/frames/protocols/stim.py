@@ -43,6 +43,8 @@ _RATE_BITS, _ANGLE_BITS = 14, 21
 _FORCE_BITS, _VELOCITY_BITS = {5: 20, 10: 19, 30: 18, 80: 16}, {5: 23, 10: 22, 30: 21, 80: 19}
 _RANGES = {0b0000: 10, 0b0011: 5, 0b0100: 30, 0b0110: 80}
 _RATES_HZ = (125.0, 250.0, 500.0, 1000.0, 2000.0)
+#: Output units: per sample, and averaged over it; 0 is rate and acceleration.
+_PER_SAMPLE, _AVERAGE = 0b001, 0b010
 #: Status: bit 4 overload; bits 3, 6, 7 channel error, start-up, system integrity error.
 _OVERLOAD, _FAULT = 0x10, 0xC8
 #: At rest the specific force is this far from 1 g at most; and this close to it a choice of unit and range must bring
@@ -107,7 +109,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
 
 def _scale(_layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
     if facts:
-        return _scale_of(facts[-1][0])
+        return _scale_of(facts[-1][0], options)
     increments = options.increments or "none"
     return _scaled(increments in ("gyro", "both"), increments in ("accel", "both"), options.accel_range_g or 10.0)
 
@@ -122,7 +124,7 @@ def _scaled(gyro_increments: bool, accel_increments: bool, range_g: float) -> Sc
     return Scale(float(gyro), accel, gyro_increments, accel_increments, profile="stim300")
 
 
-def _scale_of(configuration: Bytes) -> Scale:
+def _scale_of(configuration: Bytes, options: Options) -> Scale:
     """By a configuration datagram; byte 0 is its identifier (table 5-16)."""
     rate_code, gyro_unit, accel_unit = configuration[3] >> 5, configuration[5] & 0b0111, configuration[8] & 0b0111
     if gyro_unit == 0b011 or accel_unit in (0b011, 0b100):
@@ -130,6 +132,16 @@ def _scale_of(configuration: Bytes) -> Scale:
             "The configuration datagram says that the unit sends integrated angle or velocity, which is no rate. "
             "Set it to angular rate and acceleration, or to increments."
         )
+    gyro_increments, accel_increments = gyro_unit == _PER_SAMPLE, accel_unit == _PER_SAMPLE
+    strange = [int(code) for code in (gyro_unit, accel_unit) if code not in (0, _PER_SAMPLE, _AVERAGE)]
+    if strange and options.increments is None:
+        raise InputError(
+            f"The configuration datagram states the output unit {strange[0]:03b}, which is not known here. Declare "
+            "--increments none, gyro, accel or both as the unit is set."
+        )
+    if strange:
+        gyro_increments = options.increments in ("gyro", "both")
+        accel_increments = options.increments in ("accel", "both")
     codes = configuration[17] >> 4, configuration[17] & 0b1111, configuration[18] >> 4
     ranges = {_RANGES.get(int(code)) for code in codes}
     if len(ranges) != 1 or None in ranges:
@@ -138,7 +150,7 @@ def _scale_of(configuration: Bytes) -> Scale:
             "5, 10, 30 or 80 g for all axes is expected."
         )
     rate_hz = _RATES_HZ[rate_code] if rate_code < len(_RATES_HZ) else None
-    scale = _scaled(gyro_unit == 0b001, accel_unit == 0b001, float(ranges.pop() or 0))
+    scale = _scaled(gyro_increments, accel_increments, float(ranges.pop() or 0))
     return replace(scale, rate_hz=rate_hz, stated=True)
 
 
@@ -190,4 +202,15 @@ def _by_gravity(fields: Fields, options: Options, rate_hz: float | None) -> tupl
     return best if best is not None and off[best] < limit else None
 
 
-PROTOCOL = Protocol("stim", 1, _starts, _whole, _layouts, _fields, scale=_scale, infer=_infer, line_ends=True)
+PROTOCOL = Protocol(
+    "stim",
+    1,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    scale=_scale,
+    infer=_infer,
+    line_ends=True,
+    message=lambda row: f"datagram 0x{row[0]:02X}",
+)

@@ -35,6 +35,11 @@ def line_starts(data: Bytes, starts: Index, digits: int, longest: int) -> tuple[
     return starts[possible], length[possible]
 
 
+def name_of(row: Bytes) -> str:
+    """Mark and name of a line."""
+    return row.tobytes().split(b",")[0].split(b";")[0].split(b"*")[0].decode("ascii", "replace")
+
+
 def hex_at_end(rows: Bytes, digits: int) -> Index:
     """The last `digits` characters as a hexadecimal number, (k,); -1 where they are none."""
     values = _HEX[rows[:, -digits:]]

@@ -13,13 +13,14 @@ are passed over. Lines of text between them ($VN...) are whole frames that hold 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterator
 
 import numpy as np
 
 from gyronorth.arrays import Index, Mask
 from gyronorth.frames.checksums import column, crc_msb, xor_8
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync
-from gyronorth.frames.protocols.text import hex_at_end, line_starts
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Protocol, at_sync
+from gyronorth.frames.protocols.text import hex_at_end, line_starts, name_of
 
 #: Bytes of the fields by group and bit; 0: not known, or of variable length.
 _SIZES = np.array(
@@ -95,25 +96,46 @@ def _kind(fields: dict[tuple[int, int], int]) -> int | None:
     return _FILTERED if (_COMMON, 5) in fields or (_IMU, 10) in fields else None
 
 
-def _has_force(row: Bytes) -> bool:
-    if row[0] == ord("$"):
-        return False
-    fields, _ = _header(row)
-    return any(
-        field in fields for field in ((_COMMON, 8), (_COMMON, 9), (_COMMON, 11), (_IMU, 2), (_IMU, 7), (_IMU, 9))
-    )
+def _force(rows: Bytes, interval: float) -> Force:
+    """Uncompensated acceleration, else the filter's, else the velocity gained."""
+    force = Force.none(len(rows))
+    for index, at in _groups_of(rows):
+        force.here[index] = True
+        part = rows[index]
+        plain = next((at[place] for place in ((_IMU, 2), (_COMMON, 9), (_IMU, 9), (_COMMON, 8)) if place in at), None)
+        if plain is not None:
+            force.value[index] = column(part, plain, "<f4", 3)
+        elif (_COMMON, 11) in at:
+            span = column(part, at[_COMMON, 11], "<f4").astype(float)
+            span = np.where((span > 0) & (span < 10), span, interval)
+            force.value[index] = column(part, at[_COMMON, 11] + 16, "<f4", 3) / span[:, None]
+        elif (_IMU, 7) in at:
+            force.value[index] = column(part, at[_IMU, 7], "<f4", 3) / interval
+        else:
+            force.here[index] = False
+        if (_IMU, 11) in at:
+            force.saturated[index] = (column(part, at[_IMU, 11], "<u2") & _SATURATED) != 0
+    return force
 
 
-def _layouts(rows: Bytes) -> Index:
-    layout, open_ = np.full(len(rows), OTHER, np.int64), rows[:, 0] != ord("$")
+def _groups_of(rows: Bytes) -> Iterator[tuple[Index, dict[tuple[int, int], int]]]:
+    """Places of the binary frames (k, length) with the same header, and the offsets of their fields."""
+    open_ = rows[:, 0] != ord("$")
     while open_.any():
         model = rows[np.argmax(open_)]
         fields, size = _header(model)
         alike = open_ & (rows[:, 1:size] == model[1:size]).all(axis=1)
+        open_ &= ~alike
+        yield np.flatnonzero(alike), fields
+
+
+def _layouts(rows: Bytes) -> Index:
+    layout = np.full(len(rows), OTHER, np.int64)
+    for index, fields in _groups_of(rows):
         kind = _kind(fields)
         if kind is not None:
-            layout[alike] = (zlib.crc32(model[1:size].tobytes()) << 4) | kind
-        open_ &= ~alike
+            header = rows[index[0], 1 : min(fields.values())]
+            layout[index] = (zlib.crc32(header.tobytes()) << 4) | kind
     return layout
 
 
@@ -165,7 +187,8 @@ PROTOCOL = Protocol(
     _whole,
     _layouts,
     _fields,
-    has_force=_has_force,
+    force=_force,
     line_ends=True,
     rank=lambda layout: layout & 15,
+    message=lambda row: name_of(row) if row[0] == ord("$") else "binary output without rate",
 )

@@ -13,7 +13,7 @@ import numpy as np
 
 from gyronorth.arrays import Index
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync
-from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, xor_holds
+from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, name_of, xor_holds
 
 _NAME, _COMMAS, _LAYOUT = b"$VNIMU,", 11, 1
 _LONGEST = 256
@@ -34,5 +34,13 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
 
 
 PROTOCOL = Protocol(
-    "vectornav-ascii", 3, _starts, xor_holds, _layouts, _fields, line_ends=True, lines=lambda _layout: True
+    "vectornav-ascii",
+    3,
+    _starts,
+    xor_holds,
+    _layouts,
+    _fields,
+    line_ends=True,
+    lines=lambda _layout: True,
+    message=name_of,
 )

@@ -18,8 +18,8 @@ import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.frames.checksums import column
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16
-from gyronorth.frames.protocols.tagged import Blocks, layouts_of
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Options, Protocol, Scale, at_sync, u16
+from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _MTDATA2 = 0x36
 _COUNTER, _TIME, _STATUS, _TEMPERATURE = 0x1020, 0x1060, 0xE020, 0x0810
@@ -27,6 +27,12 @@ _DELTA_V, _ACCEL, _ACCEL_HR = 0x4010, 0x4020, 0x4040
 _DELTA_Q, _RATE, _RATE_HR = 0x8030, 0x8020, 0x8040
 _VECTORS = {_DELTA_V: 3, _ACCEL: 3, _ACCEL_HR: 3, _DELTA_Q: 4, _RATE: 3, _RATE_HR: 3, _TEMPERATURE: 1}
 _PLAIN = {_COUNTER: 2, _TIME: 4, _STATUS: 4}
+#: Names of blocks for messages.
+_NAMES = {
+    0x2010: "Quaternion", 0x2020: "RotationMatrix", 0x2030: "EulerAngles", _COUNTER: "PacketCounter",
+    _TIME: "SampleTimeFine", _STATUS: "StatusWord", 0x1010: "UtcTime", 0xC020: "MagneticField", _ACCEL: "Acceleration",
+    0x4030: "FreeAcceleration", 0x3010: "BaroPressure", 0x5040: "LatLon", 0xD010: "VelocityXYZ",
+}  # fmt: skip
 #: Bytes of one number by the low two bits of its identifier.
 _BYTES = (4, 4, 6, 8)
 _LONGEST, _HEAD = 2048, 6
@@ -88,9 +94,18 @@ def _reads(layout: int) -> int:
     return (gyro or rate) | accel | layout & (_BITS[_TIME] | _BITS[_COUNTER] | _BITS[_TEMPERATURE])
 
 
-def _has_force(row: Bytes) -> bool:
-    blocks, _ = _parse(row) or ({}, None)
-    return row[2] == _MTDATA2 and any(name in blocks for name in (_DELTA_V, _ACCEL, _ACCEL_HR))
+def _force(rows: Bytes, interval: float) -> Force:
+    """Acceleration, else the velocity gained in the interval."""
+    force = Force.none(len(rows))
+    for index, blocks, _ in groups_of(rows, _parse):
+        read = next((name for name in (_ACCEL, _ACCEL_HR, _DELTA_V) if name in blocks), None)
+        if read is None or rows[index[0], 2] != _MTDATA2:
+            continue
+        force.here[index] = True
+        force.value[index] = _numbers(rows[index], blocks[read], 3) / (interval if read == _DELTA_V else 1.0)
+        if _STATUS in blocks:
+            force.saturated[index] = (column(rows[index], blocks[_STATUS][0], ">u4") & _CLIPPED) != 0
+    return force
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -149,6 +164,27 @@ def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale(gyro_increments=bool(reads & _BITS[_DELTA_Q]), accel_increments=bool(reads & _BITS[_DELTA_V]))
 
 
+def _message(row: Bytes) -> str:
+    if row[2] != _MTDATA2:
+        return f"message 0x{row[2]:02X}"
+    at, names = 6 if row[3] == 0xFF else 4, []
+    while at + 3 <= len(row) - 1:
+        kind = int(row[at]) << 8 | int(row[at + 1]) & 0xF0
+        names.append(_NAMES.get(kind, f"0x{kind:04X}"))
+        at += 3 + int(row[at + 2])
+    return f"MTData2 with {', '.join(names)}" if names else "MTData2 without data"
+
+
 PROTOCOL = Protocol(
-    "xbus", _HEAD, _starts, _whole, _layouts, _fields, reads=_reads, has_force=_has_force, scale=_scale, weak=True
+    "xbus",
+    _HEAD,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    reads=_reads,
+    force=_force,
+    scale=_scale,
+    weak=True,
+    message=_message,
 )

@@ -18,16 +18,17 @@ from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any
 
 import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
-from gyronorth.readers.columns import Chosen, bare_triple, by_numbers, by_titles, told
+from gyronorth.readers.columns import Chosen, by_numbers, by_titles, told
+from gyronorth.readers.evidence import is_whole
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.joining import joined
+from gyronorth.readers.kinds import is_uneven, kinds_of, reject_kinds, rows_of
 from gyronorth.readers.layout import TextLayout, sniff
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.outgoing import RecordingStream
@@ -44,9 +45,6 @@ MARK = b"# mark: "
 COMMENT = re.compile(r"#\s*([A-Za-z_]+)\s*:\s*+(.*)$")
 #: How lines begin that are no rows.
 COMMENT_BEGINS = (b"#", b"%", b"//")
-#: Rows of several sensors: most of these, share of rows at which they turn, fewest rows of each, and how many times the
-#: spread of one their middles lie apart.
-MOST_KINDS, MANY_TURNS, FEWEST_OF_A_KIND, APART = 8, 0.2, 10, 30.0
 _PUBLISHED_NAME = re.compile(r"x_(\d{1,3}(?:\.\d{1,4})?)\.csv", re.IGNORECASE)
 _PUBLISHED_TITLES = ("", *RATES, *FORCES)
 _PUBLISHED = Facts(rate_hz=600.0, gyro_unit="deg/s", accel_unit="m/s2", axes="frd")
@@ -77,20 +75,22 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
     else:
         preset = None if ours or not titles else matching(titles, _preamble(layout), path.name)
         stated, usual = facts, _usual(preset)
-    only = _only(preset, titles) or _kinds(layout, path.name)
+    only = _only(preset, titles) or kinds_of(layout, path.name)
     parts = [take_apart(title, unit) for title, unit in zip_longest(titles, layout.units, fillvalue="")]
     parts = _named(parts, "gyro") if only is not None and preset is None else _named_by_file(parts, path)
-    chosen = _chosen(layout, parts, options, preset, path.name)
+    of_rates = layout if only is None else rows_of(layout, only)
+    chosen = _chosen(of_rates, parts, options, preset, path.name)
     positions = choose_columns(
         list(titles) if titles else layout.width, chosen.columns, {}, path.name, needed=options.needed
     )
+    chosen = _counting(chosen, layout, positions, options)
     if only is None:
-        _reject_kinds(layout, positions, path.name)
+        reject_kinds(layout, positions, path.name)
     clock = None
     if TIME in positions:
         unit = options.time_unit or ("s" if ours or live else usual_time(preset))
         known = options.rate_hz or stated.rate_hz or usual.rate_hz
-        clock = find_clock(layout, parts, positions[TIME], unit, known)
+        clock = find_clock(of_rates, parts, positions[TIME], unit, known)
     elif options.time_unit is not None:
         raise InputError(f"{path.name} has no time column for --time-unit {options.time_unit}; leave it out.")
     stated = with_titles(stated, chosen, layout, clock, path.name)
@@ -128,67 +128,9 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
         questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
         read_as="" if ours or live or heading is not None else read_as + words,
     )
-    return (source if only is None else _of_two_kinds(source, only, layout, path, rows)), layout, rows
-
-
-def _kinds(layout: TextLayout, name: str) -> tuple[int, str, str] | None:
-    """Rows of a gyroscope and of an accelerometer in turn, told apart by a word: its column and the two words.
-
-    Raises
-    ------
-    InputError
-        If there is more than one of either, or no titles x, y, z say which columns hold their values.
-    """
-    for column in layout.texts:
-        kinds = sorted({row[column] for row in layout.rows})
-        gyro, accel = ([kind for kind in kinds if word in kind.lower()] for word in ("gyr", "acc"))
-        if not (gyro and accel):
-            continue
-        if len(gyro) == len(accel) == 1 and bare_triple([take_apart(title) for title in layout.titles]) is not None:
-            return column, gyro[0], accel[0]
-        raise InputError(
-            f"{name} has rows of several kinds, told apart by column {column}: {', '.join(kinds[:8])}. Write those "
-            f"of {gyro[0]} and those of {accel[0]} into a file each, without that word and with titles, and give "
-            "the second one by --accel."
-        )
-    return None
-
-
-def _reject_kinds(layout: TextLayout, positions: Mapping[str, int], name: str) -> None:
-    """Refuse rows of two sensors in turn, told apart by a whole number or word: what is read as rate differs."""
-    used = [positions[ours] for ours in (*RATES, *FORCES) if ours in positions]
-    rates = np.column_stack([numbers(layout, position) for position in used[:3]])
-    for column in range(layout.width):
-        if column in positions.values():
-            continue
-        if column in layout.texts:
-            words, kinds = np.unique([row[column] for row in layout.rows], return_inverse=True)
-            kept: list[Any] = words.tolist()
-            each = np.arange(len(words))
-        else:
-            kinds = numbers(layout, column)
-            each = np.unique(kinds[np.isfinite(kinds)])
-            kept = each.tolist() if (each != np.rint(each)).any() else each.astype(int).tolist()
-        if not 2 <= len(each) <= MOST_KINDS or (each != np.rint(each)).any() or _turns(kinds) < MANY_TURNS * len(kinds):
-            continue
-        groups = [rates[kinds == kind] for kind in each]
-        if min(map(len, groups)) < FEWEST_OF_A_KIND:
-            continue
-        middle = np.array([np.nanmedian(group, axis=0) for group in groups])
-        width = np.max(
-            [np.nanmedian(abs(group - at), axis=0) for group, at in zip(groups, middle, strict=True)], axis=0
-        )
-        if (np.ptp(middle, axis=0) > APART * width).any():
-            what = layout.titles[column] if layout.titles else f"column {column}"
-            raise InputError(
-                f"{name} has rows of {len(groups)} sensors in turn, told apart by {what}: {', '.join(map(str, kept))}. "
-                "Write those of the gyroscope into a file of their own, and those of the accelerometer into another, "
-                "which --accel takes."
-            )
-
-
-def _turns(kinds: np.ndarray) -> int:
-    return int((np.diff(kinds) != 0).sum())
+    if only is not None:
+        return _of_two_kinds(source, only, layout, path, rows), layout, rows
+    return (_of_two_rates(source, path, layout, rows) if is_uneven(layout, positions) else source), layout, rows
 
 
 def _repeated_header(layout: TextLayout) -> tuple[bytes, ...]:
@@ -210,6 +152,31 @@ def _of_two_kinds(source: Source, only: tuple[int, str, str], layout: TextLayout
     return joined(source, accel)
 
 
+def _of_two_rates(source: Source, path: Path, layout: TextLayout, rows: Layout) -> Source:
+    """Rows of which some hold rates and some forces, in columns of their own: each read alone, then joined."""
+    time = tuple(name for name in source.columns if name == TIME)
+
+    def of(ours: tuple[str, ...]) -> Source:
+        columns = (*time, *(name for name in source.columns if name in ours))
+        use = tuple(rows.use[i] for i, name in enumerate(_used(source.columns, rows)) if name in columns)
+        blocks = partial(_filled, path, layout, replace(rows, use=use))
+        return replace(source, columns=columns, blocks=blocks, parts=None)
+
+    return joined(of(RATES), replace(of(FORCES), read_as=""))
+
+
+def _filled(path: Path, layout: TextLayout, rows: Layout) -> Iterator[Block]:
+    """Blocks without the rows in which the sensor has no value."""
+    for block in text_blocks(path, layout.offset, layout.row, rows):
+        there = ~np.isnan(block.values[:, -3:]).all(axis=1)
+        yield block if there.all() else replace(block, values=block.values[there], rows=block.rows[there])
+
+
+def _used(columns: tuple[str, ...], rows: Layout) -> tuple[str, ...]:
+    """The names of the fields that are read; a time put together of several is none of them."""
+    return columns if rows.clock is None else tuple(name for name in columns if name != TIME)
+
+
 def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset: Preset | None, name: str) -> Chosen:
     """The columns: as declared, and for the rest by preset, titles or numbers."""
     declared = dict(options.columns or {})
@@ -229,6 +196,29 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
     return Chosen(
         columns,
         questions=(Question(f"{lead} By its first rows {question.says}", ("--columns", columns_text(columns))),),
+    )
+
+
+def _counting(chosen: Chosen, layout: TextLayout, positions: Mapping[str, int], options: ReadOptions) -> Chosen:
+    """With the units of whole numbers of which the lines above the rows say what one count is, and a question."""
+    units: dict[str, str | None] = {"gyro": chosen.gyro_unit, "accel": chosen.accel_unit}
+    questions: list[Question] = []
+    for sensor, ours, declared, scale in (
+        ("gyro", RATES, options.gyro_unit, options.gyro_scale),
+        ("accel", FORCES, options.accel_unit, options.accel_scale),
+    ):
+        if sensor not in layout.counts or units[sensor] or ours[0] not in positions:
+            continue
+        unit, one, words = layout.counts[sensor]
+        values = np.column_stack([numbers(layout, positions[name]) for name in ours])
+        if declared not in (None, unit) or not is_whole(values[np.isfinite(values).all(axis=1)]):
+            continue
+        units[sensor] = unit
+        if scale is None:
+            says = f"The lines above its rows say {words}, and its columns {ours[0]}, ... hold whole numbers."
+            questions.append(Question(says, (f"--{sensor}-scale", f"{one:.10g}")))
+    return replace(
+        chosen, gyro_unit=units["gyro"], accel_unit=units["accel"], questions=(*questions, *chosen.questions)
     )
 
 
@@ -265,6 +255,8 @@ def _usual(preset: Preset | None) -> Facts:
         rate_hz=declared.get("rate_hz"),
         gyro_unit=declared.get("gyro_unit"),
         accel_unit=declared.get("accel_unit"),
+        gyro_scale=declared.get("gyro_scale"),
+        accel_scale=declared.get("accel_scale"),
         axes=declared.get("axes"),
         increments=declared.get("increments", False),
     )

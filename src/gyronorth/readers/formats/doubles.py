@@ -14,9 +14,8 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,34 +70,34 @@ def open_doubles(path: Path, options: ReadOptions) -> Source:
             f"{path.name} ends within a row of {row} bytes: it is cut off, or another format. Copy it again; or leave "
             f"the rest out: truncate -s {size - size % row} {path.name}."
         )
-    values: NDArray[Any] = np.memmap(path, dtype, "r", shape=(size // row, WIDTH))
-    pick = [order.index(name) for name in NAMES]
+    rows = size // row
+    read = partial(_rows, path, dtype, [order.index(name) for name in NAMES], rows)
 
     def part(share: float) -> Block:
-        start = round(share * max(0, len(values) - BLOCK_ROWS))
-        return rows_block(_numbers(values[start : start + BLOCK_ROWS], pick), start)
+        start = round(share * max(0, rows - BLOCK_ROWS))
+        return rows_block(read(start), start)
 
     return Source(
         format="doubles",
         name=path.name,
         columns=NAMES,
-        blocks=lambda: _blocks(values, pick),
+        blocks=lambda: blocks_of(map(read, range(0, rows, BLOCK_ROWS)), rows),
         stated=Facts(),
         usual=Facts(gyro_unit="rad/s", accel_unit="m/s2", axes=axes, increments="both"),
-        clock=Clock(unit=1.0, name=f"number {pick[0]} of each row", known=True),
-        parts=Parts(len(values), exact=True, block=BLOCK_ROWS, read=part),
+        clock=Clock(unit=1.0, name=f"number {order.index(TIME)} of each row", known=True),
+        parts=Parts(rows, exact=True, block=BLOCK_ROWS, read=part),
         read_as=f"{found}: rows of {np.dtype(dtype).itemsize}-byte numbers, increments (rad, m/s)",
     )
 
 
-def _numbers(values: NDArray[Any], pick: list[int]) -> NDArray[np.float64]:
+def _rows(path: Path, dtype: str, pick: list[int], count: int, start: int) -> NDArray[np.float64]:
+    """Rows of a file of `count`, from `start` on. A map of the file would end the process where it is cut short."""
+    wanted = WIDTH * max(0, min(BLOCK_ROWS, count - start))
+    found = np.fromfile(path, dtype, wanted, offset=start * WIDTH * np.dtype(dtype).itemsize)
+    if len(found) < wanted:
+        raise InputError(f"{path.name} became shorter while it was read. Read it when it is whole.")
     with np.errstate(invalid="ignore"):
-        return values[:, pick].astype(np.float64)
-
-
-def _blocks(values: NDArray[Any], pick: list[int]) -> Iterator[Block]:
-    parts = (_numbers(values[start : start + BLOCK_ROWS], pick) for start in range(0, len(values), BLOCK_ROWS))
-    return blocks_of(parts, len(values))
+        return found.reshape(-1, WIDTH)[:, pick].astype(np.float64)
 
 
 def _layout(head: bytes) -> str | None:

@@ -11,7 +11,7 @@ from typing import Literal, cast
 import numpy as np
 
 from gyronorth.errors import InputError
-from gyronorth.frames import NAMES, PIECE, FrameStream, Options, Report, Samples, recognise
+from gyronorth.frames import NAMES, PIECE, FrameStream, Options, Report, Samples, no_inertial_data, others_of, recognise
 from gyronorth.frames.recognition import LOOK
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import ReadOptions
@@ -32,6 +32,8 @@ def open_frames(path: Path, options: ReadOptions) -> Source:
     stream = FrameStream(protocol, declared)
     first = next((samples for samples, _ in _samples(path, stream)), None)
     if first is None:
+        if stream.report.messages:
+            raise InputError(no_inertial_data(path.name, protocol, stream.report.messages))
         raise InputError(
             f"{path.name} holds no sample of protocol {protocol}: {stream.report.other} whole frames hold other data, "
             f"{stream.report.skipped} bytes belong to no whole frame. Set the unit to send inertial data, or check the "
@@ -63,6 +65,8 @@ DECLARED_OF = {
     "accel_range_g": ("stim",),
     "imu": ("novatel",),
     "accel_unit": (),
+    "gyro_scale": (),
+    "accel_scale": (),
     "columns": (),
 }
 
@@ -94,10 +98,20 @@ def frame_options(protocol: str, options: ReadOptions, name: str) -> Options:
     return Options(options.rate_hz, gyro_unit, increments, options.accel_range_g, options.imu)
 
 
+def refuse_others(path: Path) -> None:
+    """InputError where the file holds frames or lines of a known protocol without inertial data."""
+    with path.open("rb") as file:
+        head = file.read(LOOK)
+    others = others_of(head) if recognise(head) is None else None
+    if others is not None:
+        raise InputError(no_inertial_data(path.name, *others))
+
+
 def _recognised(path: Path) -> str:
     with path.open("rb") as file:
         protocol = recognise(file.read(LOOK))
     if protocol is None:
+        refuse_others(path)
         raise InputError(
             f"{path.name} holds no frames of a known protocol: no start is followed by a checksum that holds. Known "
             f"are {', '.join(NAMES)}. The likely cause is a wrong baud rate, or another message."
@@ -173,4 +187,12 @@ def _table(samples: Samples, report: Report) -> np.ndarray:
     return np.column_stack(parts)
 
 
-FORMAT = Format(format_info("frames"), open_frames, recognises=lambda head: recognise(head) is not None)
+def _recognises(head: bytes) -> bool:
+    """Frames of a protocol, with inertial data or not; lines without, though, are read as any other text."""
+    if recognise(head) is not None:
+        return True
+    others = others_of(head)
+    return others is not None and not all(message.startswith(("$", "#")) for message in others[1])
+
+
+FORMAT = Format(format_info("frames"), open_frames, recognises=_recognises)

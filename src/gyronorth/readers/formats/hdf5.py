@@ -22,7 +22,7 @@ from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.library import errors_translated, library
-from gyronorth.readers.mat5 import DEFLATE_RATIO
+from gyronorth.readers.mat5 import DEFLATE_RATIO, objects_refused
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import RATES, TIME, Block, Parts, Source, blocks_of, rows_block
@@ -33,6 +33,8 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 #: Rows per block that is read, and per chunk that is written.
 BLOCK_ROWS, CHUNK_ROWS = 1 << 14, 1 << 12
 _GYRO, _ACCEL = "gyro", "accel"
+#: Attributes of a dataset that state its unit, as NetCDF has them and as people write them.
+UNIT_ATTRIBUTES = ("units", "unit", "Units", "Unit", "UNITS", "UNIT")
 #: Objects looked at, single numbers among them, and bytes of one chunk: more is no recording.
 MOST_OBJECTS, MOST_SINGLE, LARGEST_CHUNK = 10_000, 100, 1 << 28
 
@@ -49,8 +51,10 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     if not is_hdf5(path):
         raise InputError(f"{path.name} is no HDF5 file: it does not begin as one.")
     with _opened(path) as file:
-        there, singles, matlab = _columns(file)
+        there, singles, matlab, objects = _columns(file)
         texts = {key: _text(file.attrs[key]) for key in KEYS if key in file.attrs}
+    if objects and not there:
+        raise InputError(objects_refused(path.name, objects))
     if not there:
         raise InputError(f"{path.name} holds no dataset of numbers with one or two dimensions; no recording is in it.")
     facts, ours = read_facts(texts, lambda key: f"Attribute {key} of {path.name}")
@@ -111,16 +115,22 @@ def _opened(path: Path) -> Iterator[Any]:
         yield file
 
 
-def _columns(file: Any) -> tuple[dict[str, Column], dict[str, float], bool]:
-    """Every column of numbers by its name, single numbers, and whether MATLAB wrote the file."""
+def _columns(file: Any) -> tuple[dict[str, Column], dict[str, float], bool, dict[str, str]]:
+    """Every column of numbers by its name, single numbers, whether MATLAB wrote the file, and its objects."""
     h5py = library("h5py", file.filename, "HDF5")
     columns: dict[str, Column] = {}
     singles: dict[str, float] = {}
+    objects: dict[str, str] = {}
     seen, matlab = 0, False
 
     def visit(name: str, item: Any) -> bool | None:
         nonlocal seen, matlab
         seen += 1
+        if name.startswith("#"):  # what MATLAB keeps of its objects and cells, without names
+            return seen >= MOST_OBJECTS or None
+        if "MATLAB_object_decode" in item.attrs:
+            objects[name] = _text(item.attrs.get("MATLAB_class", "object"))
+            return None
         if isinstance(item, h5py.Dataset) and item.shape is not None and not _is_odd(item):
             matlab |= "MATLAB_class" in item.attrs
             if item.size == 1 and item.dtype.kind in "fiu" and len(singles) < MOST_SINGLE:
@@ -130,7 +140,7 @@ def _columns(file: Any) -> tuple[dict[str, Column], dict[str, float], bool]:
         return seen >= MOST_OBJECTS or None  # anything but None ends the visit
 
     file.visititems(visit)
-    return columns, singles, matlab
+    return columns, singles, matlab, objects
 
 
 def _is_odd(dataset: Any) -> bool:
@@ -143,7 +153,10 @@ def _of_dataset(name: str, dataset: Any) -> dict[str, Column]:
         return columns_of(name, dataset.shape, [field for field in fields if dataset.dtype[field].kind in "fiu"])
     if dataset.dtype.kind not in "fiu":
         return {}
-    return columns_of(name, dataset.shape, turned="MATLAB_class" in dataset.attrs)
+    stated = next((_text(dataset.attrs[key]) for key in UNIT_ATTRIBUTES if key in dataset.attrs), "")
+    unit = stated.split(" since ")[0].strip()  # of times in NetCDF: seconds since 1970-01-01
+    found = columns_of(name, dataset.shape, turned="MATLAB_class" in dataset.attrs)
+    return {title: replace(column, unit=unit) for title, column in found.items()} if unit else found
 
 
 def _chunk_bytes(dataset: Any) -> int:

@@ -20,7 +20,7 @@ from gyronorth.readers.format import LOOK, Format, format_info
 from gyronorth.readers.formats.csv import open_csv
 from gyronorth.readers.formats.hdf5 import is_hdf5, open_hdf5
 from gyronorth.readers.held import held_source
-from gyronorth.readers.mat5 import MatError, Variable, fields, is_level5, matrix, variables
+from gyronorth.readers.mat5 import OBJECT, MatError, Variable, fields, is_level5, matrix, objects_refused, variables
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Source
 
@@ -60,6 +60,9 @@ def _source(content: bytes, options: ReadOptions, name: str) -> Source:
     if options.variable is not None:
         _check_variable(found, options.variable, name, listed)
     shapes = {title: each.shape for title, each in found.items() if each.numeric and len(each.shape) == 2}
+    objects = {title: each.kind.removeprefix(OBJECT).strip() for title, each in found.items() if OBJECT in each.kind}
+    if objects and not any(math.prod(shape) > 1 for shape in shapes.values()):
+        raise InputError(objects_refused(name, objects))
     return held_source("mat", name, _Matrices(content, found, name), shapes, options, holds=listed)
 
 

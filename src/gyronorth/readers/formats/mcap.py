@@ -73,7 +73,7 @@ def write_mcap(outgoing: RecordingStream, path: Path) -> None:
 
 @contextmanager
 def _opened(path: Path, *, seeking: bool = True) -> Iterator[Any]:
-    """A reader of the file, its errors told; one that does not seek reads the messages in the file's order."""
+    """A reader of the file, its errors reported; one that does not seek reads the messages in the file's order."""
     reading = library("mcap.reader", path.name, "MCAP")
     kind = reading.SeekingReader if seeking else reading.NonSeekingReader
     with errors_translated(path.name, "MCAP file", _CURE), path.open("rb") as file:

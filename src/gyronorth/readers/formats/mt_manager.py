@@ -16,7 +16,8 @@ from gyronorth.errors import InputError
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Source
-from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
+from gyronorth.readers.text import Layout, text_blocks, text_parts
+from gyronorth.readers.text_head import TextHead
 
 _TIME_FINE, _COUNTER = "SampleTimeFine", "PacketCounter"
 _ALIASES = (

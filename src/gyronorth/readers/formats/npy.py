@@ -82,4 +82,5 @@ def tables(arrays: Mapping[str, NDArray[Any]], *, alone: bool = False) -> dict[s
     }
 
 
-FORMAT = Format(format_info("npy"), open_npy, recognises=lambda head: head.startswith(MAGIC))
+# In a process of its own: the map of a file that is cut short meanwhile kills the process that reads it.
+FORMAT = Format(format_info("npy"), open_npy, recognises=lambda head: head.startswith(MAGIC), foreign=("numpy",))

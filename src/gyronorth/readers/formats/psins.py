@@ -20,7 +20,8 @@ from gyronorth.errors import InputError
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import FORCES, RATES, Block, Facts, Source
-from gyronorth.readers.text import Layout, TextHead, text_blocks, text_parts
+from gyronorth.readers.text import Layout, text_blocks, text_parts
+from gyronorth.readers.text_head import TextHead
 from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ
 
 _ARCSEC = math.pi / 180 / 3600

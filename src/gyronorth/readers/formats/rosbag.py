@@ -180,7 +180,7 @@ class _Unopened:
 
 @contextmanager
 def _opened(path: Path, format: str, *, counted: bool = True) -> Iterator[Any]:
-    """A reader of the bag, its errors told; not `counted`: databases of ROS 2 stay unopened."""
+    """A reader of the bag, its errors reported; not `counted`: databases of ROS 2 stay unopened."""
     library_of_format = library(f"rosbags.{format}", path.name, "a bag of ROS")
     with errors_translated(path.name, "bag of ROS", _CURES[format]):
         reader = library_of_format.Reader(path)
@@ -221,7 +221,7 @@ def _from_databases(
 
 @contextmanager
 def _connected(name: str, databases: list[Path]) -> Iterator[list[sqlite3.Connection]]:
-    """Databases of a bag, their errors told."""
+    """Databases of a bag, their errors reported."""
     import sqlite3
 
     with errors_translated(name, "bag of ROS", _CURES["rosbag2"]), ExitStack() as stack:

@@ -12,9 +12,11 @@ from datetime import datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
+from gyronorth.apart import Apart
 from gyronorth.errors import InputError
 from gyronorth.readers.archive import is_workbook
 from gyronorth.readers.asking import ask
+from gyronorth.readers.budget import limits_of
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.csv import open_csv
 from gyronorth.readers.library import errors_translated, library
@@ -37,17 +39,15 @@ def open_workbook(path: Path, options: ReadOptions) -> Source:
             )
     if not is_workbook(path):
         raise InputError(f"{path.name} is a zip archive but no .xlsx workbook: it holds no xl/workbook.xml.")
-    openpyxl = library("openpyxl", path.name, "a workbook")
+    library("openpyxl", path.name, "a workbook")
     _check_size(path)
-    with errors_translated(path.name, ".xlsx workbook"):
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
-        try:
-            name = _sheet(book, options, path.name)
-            spooled = Spooled(f"{path.stem}.csv")
-            with spooled.path.open("w", newline="", encoding="utf-8") as text:
-                csv.writer(text).writerows(_rows(book[name]))
-        finally:
-            book.close()
+    spooled = Spooled(path.name)
+    # A cell may stand in any of 2^34 places, and all before it are then gone through.
+    child = Apart(lambda: lambda to: _as_text(path, options, to), limits=limits_of(path.stat().st_size), what=path.name)
+    try:
+        name = child.ask(spooled.path)
+    finally:
+        child.close()
     source = open_csv(spooled.path, replace(options, variable=None))
     return replace(
         source,
@@ -57,6 +57,23 @@ def open_workbook(path: Path, options: ReadOptions) -> Source:
         held=spooled,
         read_as=f"sheet {name}; {source.read_as}".removesuffix("; "),
     )
+
+
+def _as_text(path: Path, options: ReadOptions, to: Path) -> str:
+    """Write the sheet with the recording as CSV, and give its name."""
+    import openpyxl
+
+    with errors_translated(path.name, ".xlsx workbook"):
+        book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
+        try:
+            for sheet in book.worksheets:
+                sheet.reset_dimensions()  # what a sheet says of its size, rows would be filled up to
+            name = _sheet(book, options, path.name)
+            with to.open("w", newline="", encoding="utf-8") as text:
+                csv.writer(text).writerows(_rows(book[name]))
+        finally:
+            book.close()
+    return name
 
 
 def _sheet(book: Any, options: ReadOptions, name: str) -> str:
