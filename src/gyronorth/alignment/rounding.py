@@ -23,6 +23,8 @@ SAMPLES, BLOCK = 4096, 16
 REPEATED = 0.1
 #: Variance of block means times their length, over that of samples, below which the rest is carried over.
 CARRIED = 0.75
+#: Steps below which a rate is rounded by its number format alone, rad/s.
+LEAST = 1e-15
 #: Terms of the series.
 TERMS = 20
 
@@ -54,6 +56,8 @@ def _of_axis(x: Array, change: Array) -> float:
     if moved.all() or np.mean(~moved) < REPEATED or not moved.any():
         return 0.0
     step = float(change[moved].min())
+    if step < LEAST:
+        return 0.0
     variance, later = (
         float(np.mean(np.diff(block_means(x[:, None], size), n=2, axis=0) ** 2)) / 6 for size in (1, BLOCK)
     )

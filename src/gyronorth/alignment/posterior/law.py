@@ -43,7 +43,7 @@ TILT_TIMES = (np.inf, 0.5, 0.15)
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
 SETTLING, SETTLING_SIZES = 0.12, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.05, 0.25, 0.6, 0.1)
+SETTLING_SIZE_PRIOR = (0.15, 0.3, 0.5, 0.05)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
