@@ -61,5 +61,5 @@ def test_what_a_prior_costs_and_what_it_misses(column):
 
         wider.append(half_width(wide(seen), factor).mean() / 1.96)
         missed.append(np.mean(1 - erf(half_width(wide(seen * factor**2), factor) / factor / np.sqrt(2))))
-    assert_allclose(np.mean(wider), row("is wider for an honest unit")[column], atol=0.03)
-    assert_allclose(np.mean(missed), row("misses the disturbed one")[column], atol=0.015)
+    assert_allclose(np.mean(wider), row("is wider, where there is no disturbance")[column], atol=0.03)
+    assert_allclose(np.mean(missed), row("misses, where there is, in")[column], atol=0.015)
