@@ -276,12 +276,10 @@ def test_samples_that_cannot_be_taken_up_make_the_heading_invalid(monkeypatch):
     session.start()
     assert session.ended.wait(90)
     session.close()
-    measured = session.status.measured
+    status = session.status
     assert len(calls) > 1
-    assert measured is not None
-    assert not measured.valid
-    assert [reason.code for reason in measured.reasons] == ["not_computed"]
-    assert "none left" in measured.reasons[0].message
+    assert status.measured is None or not status.measured.valid
+    assert any(finding.code == "not_computed" and "none left" in finding.message for finding in status.findings)
 
 
 def test_a_heading_less_certain_than_required_is_degraded():

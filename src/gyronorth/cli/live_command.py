@@ -332,7 +332,7 @@ def _end(session: Session, *, as_json: bool) -> int:
     if as_json:
         _print(session)
     elif estimate is None and not _misunderstood(status):
-        print(f"No heading: {_what_came(status)}")
+        print(" ".join([f"No heading: {_what_came(status)}", *(finding.message for finding in status.findings)]))
     elif estimate is not None:
         print_heading(Outcome(status.source, estimate, heading_true=status.heading_true), sys.stdout)
     if status.recording_error is not None:
