@@ -59,7 +59,7 @@ def _tick(step: NDArray[np.float64]) -> float | None:
     """The longest tick of which nearly all steps are whole multiples; None without one."""
     if len(step) == 0:
         return None
-    shortest = float(np.quantile(step, 0.01))
+    shortest = float(np.sort(step)[len(step) // 100])  # np.quantile would load numpy.ma
     for part in PARTS:
         whole = step * part / shortest
         near = np.abs(whole - np.rint(whole)) < ON_TICK * np.maximum(1.0, np.rint(whole) * ON_TICK)

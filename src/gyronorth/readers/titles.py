@@ -132,7 +132,7 @@ def take_apart(title: str, unit: str = "") -> Title:
     Examples
     --------
     >>> take_apart("Gyro X (deg/s)")
-    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False, scale=1.0)
+    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False, scale=1.0, worded=False)
     >>> take_apart("a_RS_S_y [m s^-2]").kind, take_apart("time_us").unit
     ('accel', 'us')
     """

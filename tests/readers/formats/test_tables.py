@@ -80,7 +80,7 @@ def test_json_in_one_piece(tmp_path, name, indent):
     is_the_truth(read(tmp_path / "rec.json", **SAID))
 
 
-def test_rows_of_two_sensors_are_told_apart_by_a_word_or_refused(tmp_path):
+def test_rows_of_two_sensors_are_told_apart_by_a_word_or_by_gravity(tmp_path):
     words, numbers = ["timestamp,sensor,x,y,z"], []
     for i in range(len(TIME)):
         for kind, number, values in (("ACCELEROMETER", 1, ACCEL[i]), ("GYROSCOPE", 4, GYRO[i])):
@@ -93,5 +93,9 @@ def test_rows_of_two_sensors_are_told_apart_by_a_word_or_refused(tmp_path):
     assert_allclose(recording.gyro_b, GYRO, rtol=1e-6)
     assert_allclose(recording.accel_b, ACCEL, atol=1e-9)
     path.write_text("\n".join([*numbers, ""]))
-    with pytest.raises(InputError, match=r"rows of 2 sensors in turn, told apart by column 1: 1, 4"):
-        read(path, columns={"t": 0, "w_x": 2, "w_y": 3, "w_z": 4}, gyro_unit="rad/s", axes="flu")
+    columns = {"t": 0, "w_x": 2, "w_y": 3, "w_z": 4}
+    with pytest.raises(InputError, match="does not say in which unit f_x, f_y, f_z are"):
+        read(path, columns=columns, gyro_unit="rad/s", axes="flu")
+    recording = read(path, columns=columns, gyro_unit="rad/s", accel_unit="m/s2", time_unit="ms", axes="flu")
+    assert_allclose(recording.gyro_b, GYRO, rtol=1e-6)
+    assert_allclose(recording.accel_b, ACCEL, atol=1e-2)  # samples of the other row are 3 ms away
