@@ -33,7 +33,8 @@ def ended(
             os.dup2(writing, 1)
             os.dup2(writing, 2)
             sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            for number in (signal.SIGTERM, signal.SIGHUP):  # the tests themselves may run where it is ignored
+                signal.signal(number, signal.SIG_DFL)
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             if room is not None:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
