@@ -99,6 +99,10 @@ def test_the_defaults_are_the_papers():
         ("schedule: {beta_min: 2}", "0 < min <= max < 1"),
         ("- 1", "the file"),
         ("a: [", "not a YAML file"),
+        ("samples: true", "samples: Input should be a valid integer"),
+        ("rate_hz: '3'", "rate_hz: Input should be a valid number"),
+        ("seed: -1", "seed: Input should be greater"),
+        ("a: &a [1, 1]\nsamples: [*a, *a]", "an alias stands in it"),
     ],
 )
 def test_bad_settings_are_refused_by_name(tmp_path, text, message):
@@ -106,6 +110,15 @@ def test_bad_settings_are_refused_by_name(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         read_settings(path)
+
+
+def test_numbers_of_a_settings_file_are_numbers_of_yaml_1_2(tmp_path):
+    path = tmp_path / "settings.yaml"
+    path.write_text("denoiser: {rate: 1e-3}\nheading: {rate_end: -5E-4}")
+    with pytest.raises(InputError, match=r"heading.rate_end.*got '-0.0005'"):
+        read_settings(path)
+    path.write_text("denoiser: {rate: 1e-3}")
+    assert read_settings(path) == paper()
 
 
 def test_an_empty_settings_file_is_the_paper(tmp_path):

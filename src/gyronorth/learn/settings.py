@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from gyronorth.alignment.networks.bundle import Positive, Strict
-from gyronorth.alignment.networks.diffusion import Sampler, Schedule
+from gyronorth.alignment.networks.bundle import MOST_SAMPLES, Latitude, Positive, Strict
+from gyronorth.alignment.networks.diffusion import SEEDS, Sampler, Schedule, check_steps
 from gyronorth.errors import InputError
+from gyronorth.files import read_bounded
+
+#: Largest file, bytes.
+LARGEST = 1 << 20
 
 Layout = Literal["temporal", "flattened", "across_batch"]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=10_000_000)]
+Layers = Annotated[int, Field(ge=1, le=100)]
+Width = Annotated[int, Field(ge=1, le=10_000)]
 Fraction = Annotated[float, Field(ge=0, lt=1)]
 
 
@@ -20,15 +28,15 @@ class SyntheticSettings(Strict):
     """The clean data that train the denoiser (IV-A)."""
 
     headings: Count = 720  # evenly over the circle: steps of 0.5 deg
-    latitude_deg: float = 0.0  # the paper's; a site's own latitude is the other choice
+    latitude_deg: Latitude = 0.0  # the paper's; a site's own latitude is the other choice
 
 
 class DenoiserSettings(Strict):
     """The noise-predicting network and its training (III-B)."""
 
-    layers: Count = 5
-    hidden: Count = 64  # per direction
-    embedding: Annotated[int, Field(ge=2, multiple_of=2)] = 20  # of the step
+    layers: Layers = 5
+    hidden: Width = 64  # per direction
+    embedding: Annotated[int, Field(ge=2, le=10_000, multiple_of=2)] = 20  # of the step
     loss: Literal["spectral", "mse"] = "spectral"
     tau: Fraction = 0.9  # singular values up to tau S_max are dropped; the paper gives no value
     rate: Positive = 1e-3  # Adam
@@ -41,15 +49,15 @@ class AugmentSettings(Strict):
     """Copies of each training recording at other headings (IV-A)."""
 
     copies: Count = 100
-    span_deg: Annotated[float, Field(ge=0)] = 20.0  # from -span to +span
+    span_deg: Annotated[float, Field(ge=0, le=180)] = 20.0  # from -span to +span
     noise: Literal["faithful", "redrawn"] = "faithful"  # the recording's own noise turned along, or drawn again
 
 
 class HeadingSettings(Strict):
     """The heading network and its training: the enhanced one (III-D) by default."""
 
-    layers: Count = 2
-    hidden: Count = 24  # per direction
+    layers: Layers = 2
+    hidden: Width = 24  # per direction
     dropout: Fraction = 0.05  # between the layers and before the head
     output: Literal["degrees", "cos_sin"] = "degrees"
     denoised: bool = True  # the input goes through the denoiser first
@@ -64,11 +72,11 @@ class HeadingSettings(Strict):
 class Settings(Strict):
     """Everything that decides a training run, with its data."""
 
-    seed: int = 0
-    threads: Count = 1
+    seed: Annotated[int, Field(ge=0, lt=SEEDS)] = 0
+    threads: Width = 1
     layout: Layout = "flattened"
     rate_hz: Positive = 3.0
-    samples: Annotated[int, Field(ge=2)] = 300  # 100 s
+    samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)] = 300  # 100 s
     normalisation: Literal["sample", "sequence", "channel", "dataset", "none"] = "sequence"
     schedule: Schedule = Schedule()
     sampler: Sampler = Sampler()
@@ -78,10 +86,7 @@ class Settings(Strict):
 
     @model_validator(mode="after")
     def _check(self) -> Settings:
-        if self.sampler.t_back >= self.schedule.steps:
-            raise ValueError(
-                f"sampler.t_back is {self.sampler.t_back}; below schedule.steps = {self.schedule.steps} is expected"
-            )
+        check_steps(self.sampler, self.schedule)
         return self
 
 
@@ -145,12 +150,25 @@ def read_settings(path: str | Path) -> Settings:
     """
     import yaml
 
+    class Loader(yaml.SafeLoader):
+        """1e-3 is a number, as in YAML 1.2; and no alias, of which a few lines make a document without end."""
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                raise yaml.YAMLError("an alias stands in it; write the value itself")
+            return super().compose_node(parent, index)
+
+    Loader.add_implicit_resolver(
+        "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+[eE][-+]?[0-9]+$"), list("-+0123456789")
+    )
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, a date that is none
+        content = yaml.load(read_bounded(Path(path), LARGEST).decode("utf-8"), Loader)
+        # By way of JSON, where `true` and "3" are no numbers, and a list of plain values is all that a list can be.
+        document = json.dumps({} if content is None else content)
+    except (yaml.YAMLError, TypeError, ValueError, RecursionError) as error:  # no UTF-8, a date, a circle
         raise InputError(f"{path} is not a YAML file: {' '.join(str(error).split())}.") from None
     try:
-        return Settings.model_validate({} if content is None else content)
+        return Settings.model_validate_json(document, strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"

@@ -1,13 +1,15 @@
 """Bundles from strangers: what is loaded is what was hashed, within limits, and errors are one message."""
 
+import copy
 import hashlib
 import json
 import shutil
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from gyronorth.alignment.networks.bundle import read_bundle, shipped_bundle
+from gyronorth.alignment.networks.bundle import Bundle, read_bundle, shipped_bundle
 from gyronorth.alignment.networks.onnx_file import DamagedOnnx, names_other_files
 from gyronorth.alignment.networks.runtime import load_bundle, run
 from gyronorth.errors import InputError
@@ -85,12 +87,69 @@ def test_what_is_no_such_network_is_one_message(tmp_path, model, words):
         ({"domain__noise_deg_s": float("inf")}, "domain.noise_deg_s"),
         ({"metrics__test_network_crmse_deg": float("nan")}, "metrics"),
         ({"domain__samples": 10**12}, "domain.samples"),
+        ({"domain__samples": True}, "domain.samples: Input should be a valid integer"),
+        ({"domain__rate_hz": "3"}, "domain.rate_hz: Input should be a valid number"),
+        ({"domain__noise_factor": 1e308}, "domain.noise_factor: Input should be less than or equal to 1000"),
         ({"heading__file": "../heading.onnx"}, "own folder"),
     ],
 )
 def test_settings_that_mean_nothing_are_refused(tmp_path, changes, words):
     with pytest.raises(InputError, match=words):
         read_bundle(bundle(tmp_path, network(), **changes))
+
+
+#: What stands in a bundle for readers alone, in whatever form.
+FREE = ("training", "data_sha256", "metrics", "provenance")
+
+
+def numbers(document, *where):
+    """Where numbers stand in a document, and which."""
+    if isinstance(document, dict):
+        return [found for name, inside in document.items() for found in numbers(inside, *where, name)]
+    return [(where, document)] if isinstance(document, float | int) and not isinstance(document, bool) else []
+
+
+FULL = {
+    "schema": "gyronorth.bundle/1",
+    "method": "denoiser",
+    "layout": "temporal",
+    "domain": {
+        "rate_hz": 3.0, "samples": 90, "longest_samples": 900, "latitude_deg": 48.0, "latitude_tolerance_deg": 2.0,
+        "noise_deg_s": 0.01, "noise_factor": 3.0,
+    },
+    "denoiser": {
+        "sha256": "0" * 64,
+        "schedule": {"steps": 1000, "beta_min": 1e-4, "beta_max": 5e-4},
+        "sampler": {"t_back": 950, "jumps": 4, "seed": 1},
+        "normalisation": {"mean": 0.0, "std": 1.0},
+    },
+    "heading": {"sha256": "0" * 64},
+    "proposal": {"sha256": "0" * 64, "sigma_scale": 1.2},
+    "deviation": {"sha256": "0" * 64},
+}  # fmt: skip
+
+
+def test_every_number_of_a_bundle_has_its_type_and_range():
+    """A new one with a default too: it must stand in FULL, and takes none of these."""
+    document = Bundle.model_validate_json(json.dumps(FULL)).model_dump(mode="json", by_alias=True)
+    places = [(where, value) for where, value in numbers(document) if where[0] not in FREE]
+    assert {where for where, _ in places} == {where for where, _ in numbers(FULL)}
+    for where, value in places:
+        for wrong in (True, str(value), "", [value], 1e308, -1e308, np.inf, np.nan, 10**400):
+            changed = copy.deepcopy(FULL)
+            inside = changed
+            for name in where[:-1]:
+                inside = inside[name]
+            inside[where[-1]] = wrong
+            with pytest.raises(ValidationError):
+                Bundle.model_validate_json(json.dumps(changed), strict=True)
+
+
+def test_a_description_without_end_is_not_read(tmp_path):
+    folder = bundle(tmp_path, network())
+    (folder / "bundle.json").write_text('{"training": {"a": [' + "0," * (1 << 23) + "0]}}")
+    with pytest.raises(InputError, match="at most 16 are read"):
+        read_bundle(folder)
 
 
 def test_a_missing_network_is_refused(tmp_path):

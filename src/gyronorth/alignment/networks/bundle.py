@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from gyronorth.alignment.networks.diffusion import Normalisation, Sampler, Schedule
+from gyronorth.alignment.networks.diffusion import Normalisation, Sampler, Schedule, check_steps
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 
@@ -25,11 +25,14 @@ RATE_STEPS = 4
 
 #: Where the bundles of the package stand.
 _SHIPPED = Path(__file__).parents[2] / "bundles"
-#: Largest file of a bundle, bytes.
-LARGEST = 1 << 28
+#: Largest file of a bundle, and largest description, bytes.
+LARGEST, LARGEST_DESCRIPTION = 1 << 28, 1 << 24
+#: Most samples of a window.
+MOST_SAMPLES = 10_000_000
 
 #: No rate, noise or factor lies outside of these.
 Positive = Annotated[float, Field(ge=1e-9, le=1e9)]
+Latitude = Annotated[float, Field(ge=-90, le=90)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
@@ -44,15 +47,15 @@ class Domain(Strict):
 
     rate_hz: Positive  # rate of the network's input, Hz; a faster recording is decimated to it
     samples: Annotated[
-        int, Field(gt=0, le=10_000_000)
+        int, Field(gt=0, le=MOST_SAMPLES)
     ]  # length of the window in samples; the shortest one if there are several
     #: The longest window, where any length between will do; what is longer is averaged down to no more samples.
-    longest_samples: Annotated[int, Field(gt=0)] | None = None
-    latitude_deg: float | None = None
-    latitude_tolerance_deg: Positive = 2.0
+    longest_samples: Annotated[int, Field(gt=0, le=MOST_SAMPLES)] | None = None
+    latitude_deg: Latitude | None = None
+    latitude_tolerance_deg: Annotated[float, Field(ge=1e-9, le=180)] = 2.0
     sensor: str | None = None  # sensor class: the name of a profile
     noise_deg_s: Positive | None = None  # white noise of one sample at rate_hz, median over the training recordings
-    noise_factor: Annotated[float, Field(gt=1)] = 3.0  # a recording may be this much noisier or quieter
+    noise_factor: Annotated[float, Field(gt=1, le=1000)] = 3.0  # a recording may be this much noisier or quieter
     unit: str | None = None  # serial number, where the bundle carries that unit's deviation curve
     session: str | None = None  # power-up session(s) it was trained on
 
@@ -80,6 +83,11 @@ class DenoiserPart(Strict):
     schedule: Schedule = Schedule()
     sampler: Sampler = Sampler()
     normalisation: Normalisation = Normalisation()
+
+    @model_validator(mode="after")
+    def _steps_are_left(self) -> DenoiserPart:
+        check_steps(self.sampler, self.schedule)
+        return self
 
 
 class HeadingPart(Strict):
@@ -121,7 +129,7 @@ class Bundle(Strict):
     metrics: dict[str, float | None] = {}  # in degrees where the name says so
     provenance: dict[str, str] = {}  # code version, libraries, where the data come from
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
+    model_config = ConfigDict(populate_by_name=True)
 
     @field_validator("training")
     @classmethod
@@ -162,7 +170,8 @@ def bundle_contents(folder: str | Path) -> tuple[Bundle, dict[str, bytes]]:
             "Give --model the folder that `gyronorth train ... -o FOLDER` wrote."
         )
     try:
-        bundle = Bundle.model_validate_json(_content(path))
+        # Strict: `true` and "3" are no numbers.
+        bundle = Bundle.model_validate_json(_content(path, LARGEST_DESCRIPTION), strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the file"
@@ -211,9 +220,11 @@ def shipped_bundle(method: str) -> Path:
     )
 
 
-def _content(path: Path) -> bytes:
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path} has {path.stat().st_size >> 20} MiB; at most {LARGEST >> 20} are read of a bundle.")
+def _content(path: Path, largest: int = LARGEST) -> bytes:
+    if path.stat().st_size > largest:
+        raise InputError(
+            f"{path} has {path.stat().st_size >> 20} MiB; at most {largest >> 20} are read of such a file."
+        )
     return path.read_bytes()
 
 

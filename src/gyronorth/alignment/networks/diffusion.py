@@ -21,6 +21,8 @@ Predict = Callable[[NDArray[np.float32], int], NDArray[np.float32]]
 
 #: Steps of a schedule; the paper has 1000.
 MOST_STEPS = 100_000
+#: Seeds lie below this, and mean and deviation of a data set, rad/s, no further from zero than that.
+SEEDS, LARGEST_RATE = 1 << 63, 1e9
 #: Unit of data that are not normalised, rad/s: the recordings of the paper are in deg/s.
 RAW_UNIT = np.pi / 180
 
@@ -76,12 +78,12 @@ class Sampler:
     seed: int = 0  # of the sampling noise
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise ValueError(f"seed is {self.seed}; a number >= 0 is expected.")
-        if self.t_back < 0:
-            raise ValueError(f"t_back is {self.t_back}; a step >= 0 is expected.")
-        if self.jumps is not None and self.jumps < 1:
-            raise ValueError(f"jumps is {self.jumps}; at least one is expected.")
+        if not 0 <= self.seed < SEEDS:
+            raise ValueError(f"seed is {self.seed}; 0 to {SEEDS - 1} is expected.")
+        if not 0 <= self.t_back < MOST_STEPS:
+            raise ValueError(f"t_back is {self.t_back}; a step from 0 to {MOST_STEPS - 1} is expected.")
+        if self.jumps is not None and not 1 <= self.jumps <= MOST_STEPS:
+            raise ValueError(f"jumps is {self.jumps}; 1 to {MOST_STEPS} are expected.")
 
     def table(self, schedule: Schedule, start: int) -> list[Jump]:
         """The jumps from step `start` down to t_back; empty if there is nothing to do."""
@@ -138,8 +140,10 @@ class Normalisation:
     std: float = 1.0  # rad/s
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mean) and 0 <= self.std < np.inf):
-            raise ValueError(f"mean, std are {self.mean}, {self.std}; finite ones are expected, std not negative.")
+        if not (abs(self.mean) <= LARGEST_RATE and 0 <= self.std <= LARGEST_RATE):
+            raise ValueError(
+                f"mean, std are {self.mean}, {self.std}; at most {LARGEST_RATE:g} rad/s are expected, std not negative."
+            )
 
     def moments(self, gyro: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and deviation, rad/s, that broadcast against gyro (n, samples, 3)."""
@@ -154,6 +158,12 @@ class Normalisation:
     def recorded(self, gyro: NDArray[np.float64]) -> Normalisation:
         """The same with mean and deviation of the data set gyro (n, samples, 3), rad/s, recorded."""
         return Normalisation(self.kind, float(gyro.mean()), float(gyro.std()))
+
+
+def check_steps(sampler: Sampler, schedule: Schedule) -> None:
+    """Raise `ValueError` where the last step that a sampler reaches lies outside of the schedule."""
+    if sampler.t_back >= schedule.steps:
+        raise ValueError(f"sampler.t_back is {sampler.t_back}; below schedule.steps = {schedule.steps} is expected")
 
 
 def white_noise(x: NDArray[np.float64]) -> NDArray[np.float64]:
