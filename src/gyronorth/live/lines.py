@@ -22,6 +22,7 @@ from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Facts
 from gyronorth.readers.text import parse_block
 from gyronorth.readers.text_head import LONGEST_LINE
+from gyronorth.readers.titles import take_apart
 
 #: The columns of a source without a header, by its number of fields.
 BY_WIDTH = {7: NAMES, 6: (*RATES, *FORCES), 4: (TIME, *RATES), 3: RATES}
@@ -268,6 +269,11 @@ def _form(found: dict[str, int], titles: list[str]) -> Form:
     """The form of the recording: our names for what is used, harmless ones for the rest."""
     columns = tuple(name for name in NAMES if name in found)
     use = tuple(found[name] for name in columns)
+    if minus := [titles[position] for position in use if take_apart(titles[position]).minus]:
+        raise InputError(
+            f"{', '.join(minus)}: a title with a minus sign says that the values have the other sign, and a stream is "
+            "recorded as it comes. Send them turned, without the sign in the title."
+        )
     ours = {position: name for name, position in found.items()}
     taken = {alias for aliases in OUR_TITLES.values() for alias in aliases}
     named = []

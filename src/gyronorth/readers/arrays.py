@@ -33,7 +33,7 @@ from gyronorth.readers.array_names import (
     RATE_SCALARS,
     TIME_ARRAYS,
 )
-from gyronorth.readers.columns import Chosen, by_numbers, by_titles
+from gyronorth.readers.columns import Chosen, by_numbers, by_titles, without_sign
 from gyronorth.readers.layout import COMPARED, TextLayout
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Question
@@ -230,7 +230,7 @@ def _by_columns(
     layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
         parts = [take_apart(last_part(title, mark), titles[title].unit) for title in listed]
-        return by_titles(layout, parts, options, None)
+        return without_sign(by_titles(layout, parts, options, None), where)
     found = by_numbers(layout)
     if found is None:
         return _numbered(where, len(titles))

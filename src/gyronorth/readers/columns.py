@@ -16,10 +16,11 @@ from gyronorth.readers.options import OUR_TITLES, ReadOptions
 from gyronorth.readers.presets import Preset
 from gyronorth.readers.source import FORCES, RATES, TIME, Question
 from gyronorth.readers.text_clock import choose_clock, numbers
-from gyronorth.readers.titles import OTHER_WORDS, Title, Triple, label, triples
+from gyronorth.readers.titles import OTHER_WORDS, Title, Triple, label, take_apart, triples
 
 #: Words of columns that stand beside those that are meant.
-_BESIDE = ("linear", "lin", "raw", "uncal", "uncalibrated", "uncomp", "uncompensated", "adc", "lsb")
+_BESIDE = ("linear", "lin", "raw", "uncal", "uncalibrated", "uncomp", "uncompensated", "adc", "lsb", "delta",
+           "increment", "incremental")  # fmt: skip
 _WORDS = {"gyro": "angular rate", "accel": "specific force"}
 
 
@@ -96,6 +97,23 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
         text = columns_text({**{k: v for k, v in columns.items() if k != TIME}, **declared})
         questions[-1] = Question(questions[-1].says, ("--columns", text), certain=False)
     return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), tuple(questions))
+
+
+def without_sign(chosen: Chosen, name: str) -> Chosen:
+    """The same, of arrays, whose columns are read as they are.
+
+    Raises
+    ------
+    InputError
+        If a title has a minus sign before its axis.
+    """
+    minus = [str(title) for title in chosen.columns.values() if take_apart(str(title)).minus]
+    if minus:
+        raise InputError(
+            f"{', '.join(minus)} in {name}: a title with a minus sign says that the values have the other sign. Write "
+            "the file with these columns turned, and without the sign."
+        )
+    return chosen
 
 
 def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | None:

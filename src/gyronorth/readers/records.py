@@ -16,6 +16,7 @@ from typing import Any
 from gyronorth.errors import InputError
 from gyronorth.readers.sentences import rewriting_of
 from gyronorth.readers.spool import Spooled, most_of
+from gyronorth.readers.worded import rewriting_of_words
 
 #: Bytes of whole lines, or characters of an array, that are written anew at a time, and most bytes of one object.
 PIECE, WHOLE = 1 << 20, 1 << 25
@@ -59,8 +60,11 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     behind = lines[1:] or lines
     if all(_LABELLED.fullmatch(line) for line in behind) and len(re.findall(_LABEL, behind[0])) > 1:
         return _of_labels
-    if all(_BRACKETED.fullmatch(line) for line in behind) and behind[0].count(b",") >= FEWEST - 1:
+    if all(_BRACKETED.fullmatch(line) for line in behind) and len(re.findall(_NUMBER, behind[0])) >= FEWEST:
         return _of_lists
+    whole = body.split(b"\n") if body.endswith(b"\n") else body.split(b"\n")[:-1]
+    if (worded := rewriting_of_words([line.rstrip(b"\r") for line in whole])) is not None:
+        return lambda path: _spooled(path, worded(_pieces(path)))
     return None
 
 

@@ -100,8 +100,6 @@ def writer_of(suffix: str) -> Callable[[RecordingStream, Path], None] | None:
 
 #: Suffixes of pickled objects of Python, and the protocols in their second byte.
 PICKLES, PICKLE_PROTOCOLS = (".pkl", ".pickle", ".joblib"), (b"\x02", b"\x03", b"\x04", b"\x05")
-#: Suffixes under which texts are kept that may be no tables.
-TEXTS = ("", ".txt", ".log", ".csv", ".json", ".jsonl", ".ndjson", ".dat", ".tsv")
 #: Packed files within packed files.
 DEEPEST = 3
 
@@ -176,7 +174,10 @@ def _refuse_unread(path: Path, head: bytes, options: ReadOptions) -> None:
 
 def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | None:
     """What writes a text as a table that is none; None for all other files."""
-    text = options.format in (None, "csv") and options.protocol is None and path.suffix.lower() in TEXTS
+    text = options.format == "csv" or (
+        options.format is None and FORMATS.suffixes.get(path.suffix.lower(), "csv") == "csv"
+    )
+    text = text and options.protocol is None
     return rewriter_of(_head(path, LOOK)) if text else None
 
 

@@ -15,7 +15,7 @@ GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
               "radian/sec", "radians/sec", "rad/second", "radians/second", "rad_per_s", "radians_per_second", "рад/с"),
     "deg/s": ("deg/s", "deg/sec", "degs", "degps", "dps", "deg_s", "degs-1", "degree/s", "degrees/s", "degree/sec",
               "degrees/sec", "deg/second", "degrees/second", "deg_per_s", "degrees_per_second", "degpersec", "dps_",
-              "deg/с", "град/с"),
+              "d/s", "deg/с", "град/с"),
     "deg/h": ("deg/h", "deg/hr", "deg/hour", "degh", "degph", "dph", "deg_h", "degh-1", "degree/h", "degrees/h",
               "degrees/hour", "deg_hr", "deg/ч", "deg/час", "град/ч", "град/час"),
     "mdeg/s": ("mdeg/s", "mdps", "millideg/s", "mdeg/sec", "mdegs", "mdeg_s"),
@@ -28,7 +28,7 @@ GYRO_SPELLINGS: dict[str, tuple[str, ...]] = {
 ACCEL_SPELLINGS: dict[str, tuple[str, ...]] = {
     "m/s2": ("m/s2", "m/s^2", "m/s/s", "m/s**2", "ms2", "mps2", "ms-2", "m_s2", "m_s_2", "mss", "m/ss", "m/sec2",
              "m/sec^2", "mpss", "m/s²", "meters/second^2", "m/second2", "mps_2", "m_s^2", "meterpersec2", "ms^-2",
-             "м/с2"),
+             "м/с2", "m/sec/sec"),
     "g": ("g", "gn", "g0", "gs", "gee", "standard_gravity"),
     "mg": ("mg", "millig", "milli-g", "mgee"),
     "ug": ("ug", "microg", "micro-g"),
@@ -41,10 +41,14 @@ ANGLE_SPELLINGS: dict[str, tuple[str, ...]] = {
     "rad/s": ("rad", "radian", "radians", "rad/sample"),
     "deg/s": ("deg", "degree", "degrees", "deg/sample"),
     "mrad/s": ("mrad",),
+    "urad/s": ("urad", "microrad"),
+    "mdeg/s": ("mdeg",),
     "arcsec/s": ("arcsec", "arcs", "arcsecond", "arcseconds", "asec", "arcsec/sample"),
 }
 VELOCITY_SPELLINGS: dict[str, tuple[str, ...]] = {
     "m/s2": ("m/s", "mps", "ms-1", "m/sec", "m_s", "m/s/sample"),
+    "cm/s2": ("cm/s",),
+    "mm/s2": ("mm/s",),
     "g": ("gs", "g*s", "g·s", "gsec"),
 }
 TIME_SPELLINGS: dict[str, tuple[str, ...]] = {

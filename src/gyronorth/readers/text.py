@@ -10,7 +10,7 @@ import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import compress
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
 from gyronorth.readers.text_arrow import arrow_columns, is_worthwhile, load_for
 from gyronorth.readers.text_head import LONGEST_LINE
 from gyronorth.readers.times import ClockColumns
+from gyronorth.readers.titles import take_apart
 
 #: Bytes read at a time: about 15,000 rows of six values.
 BLOCK_BYTES = 1 << 21
@@ -50,6 +51,12 @@ class Layout:
     clock: ClockColumns | None = None  # the block's first column, where it is no plain number
     texts: bool = False  # some fields that are not read are no numbers
     only: tuple[int, str] | None = None  # rows of several kinds: those whose field holds this text
+
+    @cached_property
+    def turned(self) -> tuple[str, ...]:
+        """Titles of fields that are read with the other sign: -Y Accel."""
+        titles = [self.titles[position] for position in self.use]
+        return tuple(title for title in titles if "-" in title and take_apart(title).minus)
 
     @property
     def columns(self) -> int:
@@ -152,6 +159,14 @@ def _place(path: Path, offset: int, row: int, layout: Layout, per_row: float, sh
 
 def parse_block(data: bytes, first_row: int, layout: Layout) -> Block:
     """The rows in `data`, lines that end in LF; `first_row` is the number of the first."""
+    block = _as_written(data, first_row, layout)
+    if not layout.turned:
+        return block
+    signs = [-1.0 if layout.titles[position] in layout.turned else 1.0 for position in layout.use]
+    return replace(block, values=block.values * [*[1.0] * (layout.columns - len(signs)), *signs])
+
+
+def _as_written(data: bytes, first_row: int, layout: Layout) -> Block:
     if data and not data.endswith(b"\n"):
         data += b"\n"
     begins = (layout.mark, *layout.comments) if layout.mark is not None else layout.comments

@@ -24,6 +24,9 @@ SECONDS_RATES = (0.5, 20000.0)
 SAME_RATE = 0.05
 #: The time since 1970 in seconds, from 2001 to 2039; larger by a thousand for each smaller unit.
 EPOCH_S = (1.0e9, 2.2e9)
+#: Steps of 100 ns since the year 1 (.NET) and since 1601 (files of Windows), from 2001 to 2039.
+TICK = 1e-7
+TICK_NUMBERS = ((6.311e17, 6.434e17), (1.262e17, 1.384e17))
 #: Days since 1900 of spreadsheets, since year 0 of MATLAB, Julian days: from about 1990 to 2070.
 DAY_NUMBERS = ((32000.0, 62500.0), (726000.0, 757000.0), (2447000.0, 2478000.0))
 #: Words of a title that is seconds of the GPS week.
@@ -195,6 +198,8 @@ def _unit(
         low, high = (bound * 1000.0**power for bound in EPOCH_S)
         if low <= float(median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
             return unit, None, f", since 1970: {time[0]:.10g}" if name != "s" else ""
+    if any(low < time[0] < high for low, high in TICK_NUMBERS):
+        return TICK, None, ", steps of 100 ns"
     if 1 / mean > SECONDS_RATES[1] and any(low < time[0] < high for low, high in DAY_NUMBERS):
         return DAY, None, ", days"
     whole = bool(np.allclose(time, np.rint(time), rtol=0, atol=1e-6))
@@ -212,5 +217,9 @@ def _unit(
     possible = [name for name, unit in TIME_UNITS.items() if SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]]
     if not possible:
         return 1.0, None, ""
-    says = f"{title} advances by {mean:.4g} in each row, in a unit that is not known: {' or '.join(possible)}?"
+    rates = [f"{name} ({1 / (mean * TIME_UNITS[name]):.4g} Hz)" for name in possible]
+    says = (
+        f"{title} advances by {mean:.4g} in each row, in a unit that is not known: {' or '.join(rates)}? For steps of "
+        "another length declare the rate: --columns t=- --rate HZ."
+    )
     return 1.0, Question(says, ("--time-unit", possible[0]), certain=False), ""

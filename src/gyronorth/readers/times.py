@@ -28,6 +28,7 @@ _FORMS = {
         rf"^\"?(\d{{1,2}})[-/.](\d{{1,2}})[-/.](\d{{2}})[T ,]\s*{_HALVES}\"?$"
     ),
     "date and time without signs": rf"^\"?{_COMPACT}()?{_ZONE}\"?$",
+    "year, day of the year and time": rf"^\"?(\d{{4}})[-:/ ](\d{{3}})()[T: ]\s*{_CLOCK}()?{_ZONE}\"?$",
     "days and time": rf"^\"?(\d+)\s*days?,?\s+()(){_CLOCK}()\"?$",
     "time of day": rf"^\"?()()(){_HALVES}\"?$",
     "minutes and seconds": r"^\"?()()()()(\d{1,2}):(\d{2}[.,]\d+)()\"?$",
@@ -73,6 +74,9 @@ class TimeText:
     def _day(self, parts: tuple[str, ...]) -> int | None:
         if self.form == "days and time":
             return int(parts[0])
+        if self.form == "year, day of the year and time":
+            year, day = int(parts[0]), int(parts[1])
+            return date(year, 1, 1).toordinal() + day - 1 if year and 1 <= day <= 366 else None
         letters = parts[1].lower()
         if letters in _MONTHS:
             parts = (parts[0], str(_MONTHS.index(letters) + 1), parts[2])

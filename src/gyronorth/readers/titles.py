@@ -30,6 +30,7 @@ GYRO_WORDS = (
 )  # fmt: skip
 ANGLE_WORDS = (
     ("dtheta",), ("delta", "theta"), ("deltatheta",), ("delta", "angle"), ("deltaangle",), ("dang",), ("delta", "ang"),
+    ("delta", "th"),
     ("delang",), ("dth",), ("delta", "gyro"), ("angle", "increment"), ("dangle",),
     ("d", "ang"), ("d", "theta"), ("incremental", "angle"),
 )  # fmt: skip
@@ -56,7 +57,7 @@ OTHER_WORDS = frozenset(
 )
 TIME_WORDS = frozenset(
     """
-    tv tout datenum gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
+    tv tout datenum filetime mjd jd gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
@@ -84,6 +85,8 @@ _DIRECTIONS = {"forward": 0, "front": 0, "fwd": 0, "longitudinal": 0, "long": 0,
 #: Characters of a title that are looked at: the patterns take the square of them.
 LONGEST = 200
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+#: A sign before an axis, alone or behind the word of its sensor; "Gyro-X" and "- x" have a hyphen.
+_MINUS = re.compile(r"(?:^|[\s(\[])[-\u2212](?=\(?[A-Za-z])")
 _BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]")
 _GLUED = re.compile(r"(.*[a-z])([xyz])")
 _GLUED_BEFORE = re.compile(r"([xyz])([a-z]{3,})")
@@ -105,6 +108,7 @@ class Title:
     increments: bool = False  # angle or velocity a sample
     scale: float = 1.0  # of its unit in one number
     worded: bool = False  # the axis is one of the body, by its name: roll, lateral, up
+    minus: bool = False  # the values are those of the axis with the other sign: -Y Gyro
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,7 @@ def take_apart(title: str, unit: str = "") -> Title:
     Examples
     --------
     >>> take_apart("Gyro X (deg/s)")
-    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False, scale=1.0, worded=False)
+    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False, scale=1.0, worded=False, minus=False)
     >>> take_apart("a_RS_S_y [m s^-2]").kind, take_apart("time_us").unit
     ('accel', 'us')
     """
@@ -153,7 +157,8 @@ def take_apart(title: str, unit: str = "") -> Title:
         name = re.sub(rf"\b{letter}\b", latin, name)
     words = [word.lower() for word in _WORD.findall(re.sub("[ωΩ]", "w", name))]
     axis, rest = _axis(words)
-    return replace(_title(rest, axis, candidates), worded=axis is not None and _is_worded(words))
+    worded, minus = axis is not None and _is_worded(words), axis is not None and bool(_MINUS.search(name))
+    return replace(_title(rest, axis, candidates), worded=worded, minus=minus)
 
 
 def _is_worded(words: Sequence[str]) -> bool:

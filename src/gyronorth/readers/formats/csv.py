@@ -111,6 +111,7 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
              "accel": options.accel_unit or stated.accel_unit or usual.accel_unit or "unit open"}  # fmt: skip
     as_preset = "" if preset is None else f"{preset.title}; "
     read_as = as_preset + told(positions, names, units, clock.told if clock else "")
+    read_as += f"; {', '.join(rows.turned)} with the sign turned" if rows.turned else ""
     words = f"; {layout.words()}" if layout.words() else ""
     # Lines begin at every other byte only, or some stand for no rows.
     whole = layout.encoding.startswith("utf-16") or layout.blank or layout.sparse or rows.only is not None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.arrays import COMPARED, first_rows
 from gyronorth.readers.budget import check_claim
-from gyronorth.readers.columns import Chosen, by_titles, told
+from gyronorth.readers.columns import Chosen, by_titles, told, without_sign
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.csv import with_titles
@@ -106,7 +106,7 @@ def _by_titles(path: Path, schema: Any, options: ReadOptions) -> tuple[Chosen, T
         ]
     first = first_rows(tuple(schema.names), values)
     parts = [take_apart(title) for title in schema.names]
-    return by_titles(first, parts, options, None), first
+    return without_sign(by_titles(first, parts, options, None), path.name), first
 
 
 def _clock(
