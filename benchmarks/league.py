@@ -4,12 +4,15 @@ Error, claimed sigma, how often the truth lies in the 95 % interval, refused, CP
 gyronorth's simulator; the set `published` has the mean rates of 60 real SDC500 recordings (arXiv 2312.12121) with
 simulated white noise; `--data` adds real recordings whose headings are known, cut into 100 s. Every peer is given
 the same profile, as its interface takes it.
+
+`--page` writes table, origin and picture into docs/results/league.md and the files beside it.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import re
 import subprocess
 import time
 from collections.abc import Callable
@@ -45,6 +48,7 @@ REAL = (
     ("laser gyro, parked, swaying", "hg9900", ("lasergyro.imu",)),
     ("HG1700, parked", "sdc500", ("kingston_100_200.csv", "kingston_300_400.csv")),
 )
+PAGE = Path(__file__).parents[1] / "docs/results/league.md"
 COLUMNS = ("set", "program", "recordings", "error_deg", "sigma_deg", "truth_in_95", "refused", "cpu_s")
 
 
@@ -350,8 +354,7 @@ def table(rows: list[dict[str, object]]) -> str:
         name, count = line["set"], line["recordings"]
         heading = "" if name in whole else f"**{name}** ({count})"
         share = "no sigma" if _missing(line["truth_in_95"]) else f"{100 * float(str(line['truth_in_95'])):.0f} %"
-        sigma = "none" if _missing(line["sigma_deg"]) else f"{line['sigma_deg']:.3g}"
-        error = "none" if _missing(line["error_deg"]) else f"{line['error_deg']:.3g}"
+        error, sigma = (_angle(line[name]) for name in ("error_deg", "sigma_deg"))
         some = "" if count == whole.setdefault(name, count) else f" (first {count})"
         lines.append(
             f"| {heading} | {line['program']}{some} | {error} | {sigma} | {share} | "
@@ -360,13 +363,57 @@ def table(rows: list[dict[str, object]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _angle(value: object) -> str:
+    """An angle in deg with three figures."""
+    return "none" if _missing(value) else f"{float(str(value)):#.3g}".rstrip(".")
+
+
 def origin(runs: int) -> str:
     """What made the figures: seed, commit, versions."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=10"]
     described = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
     packages = ("gyronorth", "navtk", "python-ins", "ahrs", "numpy")
     versions = ", ".join(f"{name} {version(name)}" for name in packages if _installed(name))
-    return f"Seed {SEED}, {runs} recordings of a simulated set, commit {described or 'unknown'}; {versions}.\n"
+    return f"Seed {SEED}, {runs} recordings of a simulated set, commit `{described or 'unknown'}`; {versions}.\n"
+
+
+def draw(rows: list[dict[str, object]], path: Path) -> None:
+    """Error over claimed sigma of each program, a line a set: 1 is an honest claim, to the right it is too small."""
+    from matplotlib.figure import Figure
+
+    from gyronorth.report.figures import BLUE, FAINT, GREEN, INK, PINK, RED, write
+
+    names = list(dict.fromkeys(row["set"] for row in rows))
+    programs = [name for name in PROGRAMS if any(row["program"] == name and _ratio(row) for row in rows)]
+    figure = Figure(figsize=(8.0, 0.9 + 0.5 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    for program, colour, marker in zip(programs, (BLUE, RED, GREEN, PINK, FAINT), "osv^D", strict=False):
+        found = [(_ratio(row), names.index(row["set"])) for row in rows if row["program"] == program]
+        axes.plot(*zip(*found, strict=True), marker, color=colour, markersize=7, alpha=0.8, label=program)
+    axes.axvline(1.0, color=INK, linewidth=1.0, linestyle="--")
+    axes.set(xscale="log", xlabel="error over claimed sigma, root mean square; beyond 1 the claimed sigma is too small")
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.grid(axis="y", alpha=0.3)
+    figure.legend(loc="outside upper center", ncols=3, frameon=False)
+    write(figure, path)
+
+
+def _ratio(row: dict[str, object]) -> float | None:
+    """Error over claimed sigma, None where there is no claim."""
+    if _missing(row["sigma_deg"]) or _missing(row["error_deg"]):
+        return None
+    return float(str(row["error_deg"])) / float(str(row["sigma_deg"]))
+
+
+def on_page(page: str, rows: list[dict[str, object]], about: str) -> str:
+    """The page with this table and origin between its marks."""
+    for mark, text in (("table", table(rows)), ("origin", about)):
+        pattern = re.compile(rf"(<!-- {mark}: [^\n]*-->\n).*?(<!-- end -->)", re.DOTALL)
+        page, count = pattern.subn(lambda found, text=text: f"{found[1]}{text}{found[2]}", page)
+        assert count == 1, f"the page has {count} places for {mark}"
+    return page
 
 
 def _installed(name: str) -> bool:
@@ -387,18 +434,24 @@ def main(words: list[str]) -> int:
     parser.add_argument("--runs", type=int, default=60, help="recordings of a set")
     parser.add_argument("--data", type=Path, help="folder of the real recordings, whose files REAL names")
     parser.add_argument("--output", type=Path, default=Path("out/league"), help="folder of league.csv and league.md")
+    parser.add_argument("--page", action="store_true", help="write them into docs/results, and the picture")
     parser.add_argument("--without", action="append", default=[], choices=list(PROGRAMS), help="leave a program out")
     chosen = parser.parse_args(words)
-    rows = []
+    rows, about = [], origin(chosen.runs)  # of the files as they are when it starts
     real = real_sets(chosen.data) if chosen.data else []
     for data in [*sets(chosen.runs), *real]:
         for program in (name for name in PROGRAMS if name not in chosen.without):
             rows.append(row(data, program))
             print(rows[-1], flush=True)
-    chosen.output.mkdir(parents=True, exist_ok=True)
-    with (chosen.output / "league.csv").open("w", newline="", encoding="utf-8") as file:
+    output = PAGE.with_suffix("") if chosen.page else chosen.output
+    output.mkdir(parents=True, exist_ok=True)
+    with (output / "league.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    (chosen.output / "league.md").write_text(f"{table(rows)}\n{origin(chosen.runs)}", encoding="utf-8")
+    draw(rows, output / "league.png")
+    if chosen.page:
+        PAGE.write_text(on_page(PAGE.read_text(encoding="utf-8"), rows, about), encoding="utf-8")
+    else:
+        (output / "league.md").write_text(f"{table(rows)}\n{about}", encoding="utf-8")
     return 0

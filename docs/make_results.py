@@ -78,14 +78,17 @@ def page(benchmark: str, studies: dict[str, Study]) -> str:
     intro = there.sub(lambda found: f"{found[2]}\n" if found[1] in studies else "", intro)
     intro = re.sub(r"^```claims\n(.*?)^```", lambda found: claims(found[1], studies), intro, flags=re.M | re.S)
     intro = re.sub(r"\{\{(.*?)\}\}", lambda found: cell_text(cell(studies, *parts(found[1]))), intro)
-    return "\n\n".join([WRITTEN, intro, *(section(study, benchmark) for study in studies.values())]) + "\n"
+    sections = [
+        section(study, benchmark, shown=f"({benchmark}-{study['study']}.png)" in intro) for study in studies.values()
+    ]
+    return "\n\n".join([WRITTEN, intro, *sections]) + "\n"
 
 
-def section(study: Study, benchmark: str) -> str:
-    """One study: what was done, figure, tables, and how to make them again."""
+def section(study: Study, benchmark: str, *, shown: bool) -> str:
+    """One study: what was done, its figure unless the introduction has shown it, tables, and how to make them again."""
     name = study["study"]
     lines = [f"## {study['title']}"]
-    if name in FIGURES:
+    if name in FIGURES and not shown:
         lines.append(f"![{study['title']}]({benchmark}-{name}.png)")
     plan = StudyPlan(**study["plan"])
     tables = [NAMED[name].markdown(table_of(table), plan).strip() for table in study["tables"]]

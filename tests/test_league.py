@@ -1,5 +1,7 @@
 """The league: its own counting against what is worked by hand, and every program that runs in little time."""
 
+import csv
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -47,9 +49,9 @@ def test_a_row_counts_errors_claims_and_refusals():
     assert row["truth_in_95"] == pytest.approx(2 / 3)
     assert row["refused"] == pytest.approx(1 / 4)
     line = league.table([row]).splitlines()[-1]
-    assert line.startswith("| **rest** (4) | test | 3 | 1.73 | 67 % | 25 % |")
+    assert line.startswith("| **rest** (4) | test | 3.00 | 1.73 | 67 % | 25 % |")
     fewer = league.table([row, {**row, "program": "slow", "recordings": 2}]).splitlines()[-1]
-    assert fewer.startswith("|  | slow (first 2) | 3 |")
+    assert fewer.startswith("|  | slow (first 2) | 3.00 |")
 
 
 def test_the_sets_are_those_of_their_seed():
@@ -86,3 +88,54 @@ def test_real_recordings_are_cut_into_pieces(real_data):
     assert swaying.gyro_b.shape == swaying.accel_b.shape == (18, 1000, 3)
     assert parked.gyro_b.shape == (2, 1000, 3)
     assert np.degrees(swaying.heading) == pytest.approx(90.6)
+
+
+def rows_of_the_page():
+    """The rows of docs/results/league/league.csv, as the command made them."""
+    with (league.PAGE.with_suffix("") / "league.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    names = [name for name in league.COLUMNS if name not in ("set", "program")]
+    return [row | {name: float(row[name]) for name in names} | {"recordings": int(row["recordings"])} for row in rows]
+
+
+def test_the_page_shows_the_table_of_its_data():
+    page = league.PAGE.read_text(encoding="utf-8")
+    shown = re.search(r"<!-- table: [^\n]*-->\n(.*?)<!-- end -->", page, re.DOTALL)[1]
+    assert shown == league.table(rows_of_the_page())
+    assert "-dirty" not in page
+
+
+def test_what_the_page_says_in_words_is_what_its_data_say():
+    page = " ".join(league.PAGE.read_text(encoding="utf-8").split())
+    rows = {(row["set"], row["program"]): row for row in rows_of_the_page()}
+    swaying = {name: row for (data, name), row in rows.items() if "swaying" in data}
+    ours = swaying.pop("gyronorth")
+    said = re.search(r"the others are ([\d.]+) to ([\d.]+) deg off and claim at most ([\d.]+) deg", page)
+    errors = [row["error_deg"] for row in swaying.values()]
+    claimed = [row["sigma_deg"] for row in swaying.values() if not np.isnan(row["sigma_deg"])]
+    assert [float(number) for number in said.groups()] == [
+        round(min(errors), 1),
+        round(max(errors), 1),
+        round(max(claimed), 2),
+    ]
+    said = re.search(r"gyronorth is ([\d.]+) deg off and claims ([\d.]+) deg", page)
+    assert [float(number) for number in said.groups()] == [round(ours["error_deg"], 1), round(ours["sigma_deg"], 1)]
+    plain = ["navtk StaticAlignment", "navtk StaticWahbaAlignment", "ahrs TRIAD", "numpy script"]
+    apart = [
+        abs(rows[data, name]["error_deg"] / rows[data, "gyronorth"]["error_deg"] - 1)
+        for data in ("isa100c", "sdc500", "stim300", "published")
+        for name in plain
+    ]
+    assert max(apart) <= float(re.search(r"within (\d+) % of its error", page)[1]) / 100
+    held = [row["truth_in_95"] for (_, name), row in rows.items() if name == "gyronorth"]
+    assert min(held) >= 0.89
+
+
+def test_a_page_without_its_marks_is_left_alone():
+    with pytest.raises(AssertionError, match="0 places for table"):
+        league.on_page("no table here", [], "")
+
+
+def test_the_picture_has_a_mark_for_each_claim(tmp_path):
+    league.draw(rows_of_the_page(), tmp_path / "league.png")
+    assert (tmp_path / "league.png").stat().st_size > 10_000

@@ -157,3 +157,13 @@ def test_verbose_tells_the_time_of_each_step_and_quiet_nothing():
     assert quiet.stderr == ""
     assert run(*words).stderr == ""  # nothing is kept from the call before
     assert loud.stdout == quiet.stdout
+
+
+def test_the_help_of_an_option_is_true_of_its_command():
+    def said(command, option):
+        (found,) = (parameter for parameter in COMMANDS[command].params if option in parameter.opts)
+        return found.help
+
+    assert len({said(command, "--plot") for command in ("heading", "allan", "plan")}) == 3
+    for command in ("plan", "simulate"):  # no file is read that could state it
+        assert "file" not in said(command, "--latitude")

@@ -9,7 +9,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gyronorth.cli.app import app
-from gyronorth.cli.options import Json, MethodName, SensorName
+from gyronorth.cli.correction import AnySession, Deviation, GyroBias, check_bias, curve_and_method
+from gyronorth.cli.options import (
+    Json,
+    MethodName,
+    Model,
+    Pitch,
+    RequireSigma,
+    Roll,
+    SensorName,
+    TurnAngles,
+    TurnAngleSigma,
+    attitude_given,
+)
 from gyronorth.cli.outputs import print_json
 from gyronorth.cli.progress import reading_file, working
 from gyronorth.cli.reading_options import with_reading
@@ -25,20 +37,48 @@ def explain(
     sensor: SensorName = None,
     method: MethodName = "auto",
     as_json: Json = False,
+    gyro_bias: GyroBias = None,
+    roll: Roll = None,
+    pitch: Pitch = None,
+    model: Model = None,
+    turn_angles: TurnAngles = None,
+    turn_angle_sigma_deg: TurnAngleSigma = None,
+    deviation: Deviation = None,
+    any_session: AnySession = False,
+    require_sigma: RequireSigma = None,
     *,
     reading: ReadOptions,
 ) -> int:
     """Show why a heading is valid or refused: each check with its value, its limit and its formula.
 
+    Give it the options that `heading` was given.
+
     Exit code 0: a valid heading. 2: bad input. 3: a heading that is refused.
     """
-    from gyronorth import pipeline, readers
+    from gyronorth.many import Request
     from gyronorth.report.checks import print_checks
+    from gyronorth.sensor import read_sensor
 
+    attitude, biased = attitude_given(roll, pitch), gyro_bias is not None
+    curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
+    if biased and model is not None:
+        check_bias(model)
+    request = Request(
+        reading,
+        None if sensor is None else read_sensor(sensor),
+        method,
+        gyro_bias,
+        attitude,
+        model,
+        turn_angles,
+        curve,
+        require_sigma,
+        turn_angle_sigma_deg,
+    )
     with reading_file(source) as progress:
-        recording = readers.read(source, reading, progress=progress)
+        recording = request.read(source, progress)
     with working("finding north"):
-        estimate = pipeline.heading(recording, latitude=reading.latitude, sensor=sensor, method=method)
+        estimate = request.heading(recording)
     if as_json:
         print_json(
             {"valid": estimate.valid, "method": estimate.method, "checks": [c.to_json() for c in estimate.checks]}

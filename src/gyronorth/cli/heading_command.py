@@ -21,10 +21,22 @@ from gyronorth.cli.many_options import (
     without_table,
 )
 from gyronorth.cli.many_run import TABLE_SUFFIXES, run_many, several
-from gyronorth.cli.options import OUTPUT, SITE, Json, MethodName, Pitch, Plot, RequireSigma, Roll, SensorName
+from gyronorth.cli.options import (
+    OUTPUT,
+    SITE,
+    Json,
+    MethodName,
+    Model,
+    Pitch,
+    RequireSigma,
+    Roll,
+    SensorName,
+    TurnAngles,
+    TurnAngleSigma,
+    attitude_given,
+    plot_option,
+)
 from gyronorth.cli.outputs import PLOT_SUFFIXES, check_outputs, print_json, written
-from gyronorth.cli.parsers import angles
-from gyronorth.cli.parsers import degrees as degrees_option
 from gyronorth.cli.progress import reading_file, working
 from gyronorth.cli.reading_options import with_reading
 
@@ -62,7 +74,7 @@ def heading(
     workers: Workers = None,
     scheduler: Scheduler = None,
     windows: Windows = None,
-    plot: Plot = None,
+    plot: Annotated[Path | None, plot_option("heading against time and the Allan deviation")] = None,
     report: Annotated[
         Path | None,
         typer.Option(metavar="OUT.html", help="Write a report: one self-contained HTML page.", rich_help_panel=OUTPUT),
@@ -76,27 +88,9 @@ def heading(
     gyro_bias: GyroBias = None,
     roll: Roll = None,
     pitch: Pitch = None,
-    model: Annotated[
-        Path | None, typer.Option(metavar="BUNDLE", help="Trained bundle for --method learned, paper or baseline.")
-    ] = None,
-    turn_angles: Annotated[
-        Any,
-        typer.Option(
-            metavar="A,B,..",
-            parser=angles,
-            help="Angles of the turns between poses, degrees, positive clockwise; by default the gyro measures them.",
-            rich_help_panel=SITE,
-        ),
-    ] = None,
-    turn_angle_sigma_deg: Annotated[
-        Any,
-        typer.Option(
-            metavar="DEG",
-            parser=degrees_option("a positive angle in degrees", "0.1", low=1e-6),
-            help="Sigma of one of --turn-angles; else it is inferred from what the gyro measures.",
-            rich_help_panel=SITE,
-        ),
-    ] = None,
+    model: Model = None,
+    turn_angles: TurnAngles = None,
+    turn_angle_sigma_deg: TurnAngleSigma = None,
     poses: Annotated[
         bool,
         typer.Option(
@@ -124,8 +118,7 @@ def heading(
         raise InputError("--json and --nmea both print to standard output; give one of them.")
     if posterior and not as_json:
         raise InputError("--posterior puts the density of the heading into the JSON; add --json.")
-    if (roll is None) != (pitch is None):
-        raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
+    attitude = attitude_given(roll, pitch)
     outputs: dict[str, tuple[Path | None, tuple[str, ...]]]
     outputs = {"--csv": (csv, ()), "--out": (out, TABLE_SUFFIXES), "--plot": (plot, PLOT_SUFFIXES)}
     many = poses or windows is not None or several(sources, resume=resume)
@@ -141,7 +134,6 @@ def heading(
             raise InputError(f"{single[0]} takes one recording, and {what}; --csv writes its table.")
     elif kept is not None:
         without_table(kept, recordings(sources))
-    attitude = None if roll is None else (roll, pitch)
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     if biased and model is not None:

@@ -9,7 +9,7 @@ import typer
 
 from gyronorth.catalogue import METHODS
 from gyronorth.cli import completion
-from gyronorth.cli.parsers import degrees, method_name, number
+from gyronorth.cli.parsers import angles, degrees, method_name, number
 
 MethodName = Annotated[
     Any,
@@ -25,15 +25,20 @@ MethodName = Annotated[
 #: Panels of the help text.
 FILE, SITE, OUTPUT = "How the file is read", "What is known", "Output"
 
-Latitude = Annotated[
-    Any,
-    typer.Option(
+
+def latitude_option(help_text: str) -> Any:
+    """The option --latitude, with what this command says of it."""
+    return typer.Option(
+        "--latitude",
         metavar="DEG",
         parser=degrees("a latitude of -90 to 90 degrees", "32.11", low=-90, high=90),
-        help="Geodetic latitude, north positive; may come from the file.",
+        help=help_text,
         rich_help_panel=SITE,
-    ),
-]
+    )
+
+
+Latitude = Annotated[Any, latitude_option("Geodetic latitude, north positive; by default as the file states it.")]
+RequiredLatitude = Annotated[Any, latitude_option("Geodetic latitude, north positive.")]
 Roll = Annotated[
     Any,
     typer.Option(
@@ -49,6 +54,28 @@ Pitch = Annotated[
         metavar="DEG",
         parser=degrees("a pitch of -90 to 90 degrees", "-0.5", low=-90, high=90),
         help="Pitch, nose up positive.",
+        rich_help_panel=SITE,
+    ),
+]
+Model = Annotated[
+    Path | None,
+    typer.Option("--model", metavar="BUNDLE", help="Trained bundle for --method learned, paper or baseline."),
+]
+TurnAngles = Annotated[
+    Any,
+    typer.Option(
+        metavar="A,B,..",
+        parser=angles,
+        help="Angles of the turns between poses, degrees, positive clockwise; by default the gyro measures them.",
+        rich_help_panel=SITE,
+    ),
+]
+TurnAngleSigma = Annotated[
+    Any,
+    typer.Option(
+        metavar="DEG",
+        parser=degrees("a positive angle in degrees", "0.1", low=1e-6),
+        help="Sigma of one of --turn-angles; else it is inferred from what the gyro measures.",
         rich_help_panel=SITE,
     ),
 ]
@@ -90,11 +117,19 @@ RequireSigma = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else.", rich_help_panel=OUTPUT)]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing files.", rich_help_panel=OUTPUT)]
-Plot = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="OUT.png",
-        help="Draw heading against time and Allan deviation (.png, .svg or .pdf).",
-        rich_help_panel=OUTPUT,
-    ),
-]
+
+
+def plot_option(drawn: str) -> Any:
+    """The option --plot of a command that draws this."""
+    return typer.Option("--plot", metavar="OUT.png", help=f"Draw {drawn} (.png, .svg or .pdf).", rich_help_panel=OUTPUT)
+
+
+def attitude_given(roll: float | None, pitch: float | None) -> tuple[float, float] | None:
+    """Roll and pitch of --roll and --pitch, rad, which go together; None where neither is given."""
+    if roll is None and pitch is None:
+        return None
+    if roll is None or pitch is None:
+        from gyronorth.errors import InputError
+
+        raise InputError("--roll and --pitch belong together; give both, for example --roll 0 --pitch 0.")
+    return roll, pitch

@@ -13,7 +13,7 @@ from gyronorth.cli.app import app
 @app.command()
 def published(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="New folder for the CSV files.")],
-    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Of the simulated noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, metavar="N", help="Seed of the simulated noise.")] = 0,
     rate: Annotated[float, typer.Option("--rate", min=0.1, max=600.0, metavar="HZ", help="Samples per second.")] = 3.0,
 ) -> None:
     """Write the 60 published recordings, reconstructed from printed figures: real biases, simulated noise, as CSV."""

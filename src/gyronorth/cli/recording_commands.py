@@ -14,7 +14,7 @@ from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.many_options import Out, Place, Resume, Scheduler, Sources, Workers
 from gyronorth.cli.many_run import run_files, several
-from gyronorth.cli.options import Force, Json, Latitude, Pitch, RequiredSensor, Roll
+from gyronorth.cli.options import Force, Json, Pitch, RequiredLatitude, RequiredSensor, Roll
 from gyronorth.cli.outputs import check_outputs, print_json, written
 from gyronorth.cli.parsers import degrees, number
 from gyronorth.cli.progress import reading_file, working
@@ -52,7 +52,7 @@ def parse_seed(text: str) -> int:
 @app.command()
 def simulate(
     sensor: RequiredSensor,
-    latitude: Latitude,
+    latitude: RequiredLatitude,
     heading: Annotated[
         Any,
         typer.Option(

@@ -15,7 +15,7 @@ from gyronorth.catalogue import ALLAN_EXPORTS, METHODS
 from gyronorth.cli.app import app
 from gyronorth.cli.many_options import Out, Place, Resume, Scheduler, Sources, Workers
 from gyronorth.cli.many_run import run_files, several
-from gyronorth.cli.options import OUTPUT, Force, Json, Latitude, Plot, RequiredSensor
+from gyronorth.cli.options import OUTPUT, Force, Json, RequiredLatitude, RequiredSensor, plot_option
 from gyronorth.cli.outputs import PLOT_SUFFIXES, check_outputs, print_json, written
 from gyronorth.cli.progress import reading_file, share_done, working
 from gyronorth.cli.reading_options import CHUNK_SAMPLES, with_reading
@@ -77,7 +77,7 @@ def allan(
         ),
     ] = None,
     as_json: Json = False,
-    plot: Plot = None,
+    plot: Annotated[Path | None, plot_option("the Allan deviation and the fitted error terms")] = None,
     force: Force = False,
     out: Out = None,
     resume: Resume = False,
@@ -169,7 +169,7 @@ def _allan_of(
 @app.command()
 def plan(
     sensor: RequiredSensor,
-    latitude: Latitude,
+    latitude: RequiredLatitude,
     method: Annotated[
         Any, typer.Option(metavar="|".join(PLANNABLE), parser=plannable, help="Method to plan for.")
     ] = "mean",
@@ -178,7 +178,7 @@ def plan(
         typer.Option(metavar="N", help="Also plan up to N turns, with 100 s of standing still shared by the poses."),
     ] = None,
     as_json: Json = False,
-    plot: Plot = None,
+    plot: Annotated[Path | None, plot_option("sigma and its parts against time, and sigma at other latitudes")] = None,
 ) -> None:
     """Expected heading sigma of a sensor against time and latitude, and how long waiting helps."""
     from gyronorth import planning

@@ -11,7 +11,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
 
 from gyronorth.report.figures import BLUE, FAINT, GREEN, INK, PINK, RED, SETTINGS, write
@@ -207,6 +209,68 @@ def _disturbed(figure: Figure, study: Study) -> None:
     bottom.legend()
 
 
+#: Situations of `stress` in words; the amount stands in place of the braces.
+_SITUATIONS = {
+    "honest": "like its profile",
+    "wind": "wind, {} deg rms",
+    "lean": "slow tilt, {} deg in 100 s",
+    "nudge": "nudge of {} deg",
+    "tones": "two tones, {} deg/s",
+    "bias": "turn-on bias × {}",
+    "drift": "drift × {}",
+    "white": "noise × {}",
+    "settling": "settling bias × {}",
+}
+#: Share missed at which the colours end, and the colour of what was not run.
+_DARKEST, _NOT_RUN = 0.3, "#dfe2e6"
+
+
+def _stress(figure: Figure, study: Study) -> None:
+    """Share of the intervals of `auto` that miss, by situation and sensor; framed where chance does not explain it."""
+    table = study["tables"][0]
+    missed, refused = (table["columns"].index(name) for name in ("missed of valid", "refused"))
+    cells = {tuple(row[0].split(": ", 1)): (row[missed], row[refused]) for row in table["rows"] if row[1] == "auto"}
+    sensors, situations = (list(dict.fromkeys(pair[k] for pair in cells)) for k in (0, 1))
+    sensors.sort()
+    situations.sort(key=lambda name: ("no " in name, list(_SITUATIONS).index(name.split(",")[0].split()[0])))
+    figure.set_size_inches(9.0, 1.2 + 0.31 * len(situations))
+    axes = figure.subplots()
+    axes.set_facecolor(_NOT_RUN)
+    shown = np.full((len(situations), len(sensors)), np.nan)
+    for (sensor, situation), (share, refusals) in cells.items():
+        column, line = sensors.index(sensor), situations.index(situation)
+        shown[line, column] = share["value"]
+        text = f"{100 * share['value']:.0f}" + (f"\n{100 * refusals:.0f} refused" if refusals >= 0.005 else "")
+        colour, size = ("white" if share["value"] > 0.7 * _DARKEST else INK), (6.5 if "\n" in text else 8)
+        axes.text(column, line, text, ha="center", va="center", fontsize=size, linespacing=1.0, color=colour)
+        if share["low"] > 0.05:
+            frame = Rectangle((column - 0.47, line - 0.45), 0.94, 0.9, fill=False, edgecolor=INK, linewidth=1.5)
+            axes.add_patch(frame)
+    colours = LinearSegmentedColormap.from_list("missed", ["white", RED])
+    drawn = axes.imshow(100 * shown, cmap=colours, vmin=0, vmax=100 * _DARKEST, aspect="auto")
+    bar = figure.colorbar(drawn, ax=axes, extend="max", fraction=0.03, shrink=0.5)
+    bar.ax.axhline(5, color=INK, linewidth=1.6)
+    bar.set_ticks([0, 5, 10, 20, 30], labels=["0 %", "5 % claimed", "10 %", "20 %", "30 %"])
+    axes.set_xticks(range(len(sensors)), [name.replace(" ", "\n", 1) for name in sensors])
+    axes.set_yticks(range(len(situations)), [_situation(name) for name in situations])
+    axes.tick_params(length=0, labelsize=8, labeltop=True)
+    axes.grid(False)
+    figure.suptitle(
+        "Share of 95 % intervals that miss, % of valid headings, method auto\n"
+        "framed: more than the claimed 5 %, beyond chance; grey: not run",
+        x=0.02, ha="left", fontsize=10, color=INK,
+    )  # fmt: skip
+
+
+def _situation(name: str) -> str:
+    """A situation of `stress` in words."""
+    what, *lacks = name.split(", ")
+    kind, _, amount = what.partition(" ")
+    amount, _, time = amount.partition(" in ")
+    told = [text.replace("no profile", "no profile given") for text in lacks]
+    return ", ".join([_SITUATIONS[kind].format(amount) + (f" in {time}" if time else ""), *told])
+
+
 FIGURES: dict[str, Callable[[Figure, Study], None]] = {
     "noise": _noise,
     "leave_one_out": _ratios,
@@ -218,4 +282,5 @@ FIGURES: dict[str, Callable[[Figure, Study], None]] = {
     "duration": _duration,
     "turned": _turned,
     "disturbed": _disturbed,
+    "stress": _stress,
 }
