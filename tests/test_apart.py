@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gyronorth.apart import Apart, Limits
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, is_of_memory
 
 WIDE = Limits(seconds=20, memory=1 << 28)
 
@@ -25,6 +25,14 @@ def test_an_answer_is_what_the_service_returns_arrays_too():
     np.testing.assert_array_equal(answer["sum"], x.sum(axis=0))
     np.testing.assert_array_equal(answer["x"], x)
     answer["x"][0] = 1  # it can be written to
+
+
+def test_where_memory_is_short_any_error_is_one_of_memory():
+    little = Limits(seconds=20, memory=1 << 24)
+    assert serving(lambda _: is_of_memory(SystemError("error return without exception set")), little).ask(None)
+    assert not serving(lambda _: is_of_memory(InputError("no such thing")), little).ask(None)
+    assert not is_of_memory(SystemError("error return without exception set"))
+    assert is_of_memory(MemoryError())
 
 
 def test_it_runs_in_another_process_that_ends_with_it():

@@ -194,7 +194,10 @@ def _allow(seconds: float) -> None:
 def _portable(error: Exception) -> Exception:
     """An error as it can be sent; one of a foreign class as its text."""
     if isinstance(error, MemoryError):
-        return InputError("It needs more memory than it may take: it is damaged, or made to do so.")
+        return InputError(
+            "It needs more memory than it may take: it is damaged, or made to do so. Or this process may use too "
+            "little (`ulimit -v`, a container): then allow it more."
+        )
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

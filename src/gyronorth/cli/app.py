@@ -9,6 +9,7 @@ import re
 import shlex
 import shutil
 import sys
+import traceback
 from collections.abc import Sequence
 from difflib import get_close_matches
 from typing import Any, NoReturn
@@ -135,6 +136,7 @@ class Commands(TyperGroup):
             message = _user_error(error, given)
             if message is None or progress.level == VERBOSE:
                 raise
+            traceback.clear_frames(error.__traceback__)  # where memory is short, what they hold
             _fail(message, 2)
         sys.exit(code if isinstance(code, int) else 0)
 
@@ -185,7 +187,7 @@ def with_bare_increments(arguments: list[str]) -> list[str]:
 
 def _user_error(error: Exception, arguments: list[str]) -> str | None:
     """The message of an error the user can cure, None for a fault of ours."""
-    from gyronorth.errors import InputError
+    from gyronorth.errors import InputError, is_of_memory
 
     if hasattr(error, "format_message"):  # usage errors of click, wherever this version of typer keeps them
         context = getattr(error, "ctx", None)
@@ -200,13 +202,14 @@ def _user_error(error: Exception, arguments: list[str]) -> str | None:
         return f"{error.filename or 'output'}: {error.strerror or error}."
     if isinstance(error, ImportError) and re.search("map segment|allocate memory", str(error)):
         return f"There is not enough memory to load a library: {error}."
-    if isinstance(error, MemoryError):
-        return f"There is not enough memory: {error}. Take a shorter duration or a lower rate."
+    if is_of_memory(error):
+        said = f": {error}" if str(error) else ""
+        return f"There is not enough memory{said}. Take a shorter duration or a lower rate, or allow it more memory."
     return None
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    from gyronorth.report.wording import printable
+    from gyronorth.errors import printable
 
     typer.echo(f"error: {printable(message)}", err=True)
     sys.exit(code)

@@ -58,7 +58,7 @@ def check_outputs(
 
 def written(path: Path) -> None:
     """Say on standard error what was written, devices and pipes left out; nothing with -q."""
-    from gyronorth.report.wording import one_line
+    from gyronorth.errors import one_line
 
     if progress.level > QUIET and (path.is_file() or path.is_dir()):
         typer.echo(f"wrote {one_line(str(path))}", err=True)

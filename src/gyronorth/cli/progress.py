@@ -54,7 +54,7 @@ def share_done(text: str) -> Iterator[Callable[[float], None] | None]:
 
     columns = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        from gyronorth.report.wording import printable
+        from gyronorth.errors import printable
 
         task = progress.add_task(printable(text), total=None)
         yield lambda share: progress.update(task, total=1.0, completed=share)
@@ -77,7 +77,7 @@ def recordings_done(total: int) -> Iterator[Callable[[str], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from gyronorth.report.wording import printable
+    from gyronorth.errors import printable
 
     rate, name = TextColumn("{task.fields[rate]}"), TextColumn("{task.description}", markup=False)
     columns = BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn(), name

@@ -1,4 +1,4 @@
-"""Who may open the page: anyone on this machine, and elsewhere whoever knows the token.
+"""Who may open the page, anyone on this machine and elsewhere whoever knows the token; and how many at a time.
 
 Every request and every web socket passes here. The token comes once in the address,
 `?token=...`, and is then a cookie; it is compared in constant time, and wrong ones wait.
@@ -11,6 +11,8 @@ import hashlib
 import hmac
 import ipaddress
 import secrets
+from collections import Counter
+from collections.abc import Container
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
@@ -22,6 +24,8 @@ COOKIE = "gyronorth_live"
 SHORTEST = 16
 #: An answer to a wrong token takes so long, s, and so many of them wait at a time; more are turned away.
 DELAY, MOST_WAITING = 1.0, 20
+#: Streams, and other requests and web sockets, that are answered at a time; more are turned away.
+MOST_STREAMS, MOST_REQUESTS = 100, 400
 #: What browsers are told with every answer. The page's own library writes scripts and styles into the page.
 HEADERS = (
     (
@@ -138,6 +142,29 @@ class Access:
             return False
         origin = headers.get("origin")
         return origin is None or urlsplit(origin).netloc == host
+
+
+class Crowd:
+    """ASGI middleware that answers so many requests at a time; those of `streams`, which never end, are fewer."""
+
+    def __init__(self, app: Any, *, streams: Container[str]) -> None:
+        self._app, self._streams = app, streams
+        self._running: Counter[bool] = Counter()
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Pass a request on, or turn it away."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        endless = scope["path"] in self._streams
+        if self._running[endless] >= (MOST_STREAMS if endless else MOST_REQUESTS):
+            await _refuse(scope, receive, send, 503, "<h1>503: too many listen already</h1>")
+            return
+        self._running[endless] += 1
+        try:
+            await self._app(scope, receive, send)
+        finally:
+            self._running[endless] -= 1
 
 
 def _equal(given: str, wanted: str) -> bool:

@@ -19,7 +19,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Res
 from uvicorn.protocols.http.auto import AutoHTTPProtocol
 
 from gyronorth.errors import InputError
-from gyronorth.live.access import Access, is_loopback
+from gyronorth.live.access import Access, Crowd, is_loopback
 from gyronorth.live.metrics import CONTENT_TYPE, metrics_text
 from gyronorth.live.reporting import report_text
 from gyronorth.live.session import Session
@@ -35,13 +35,18 @@ RECORDING_URL, REPORT_URL = "/recording", "/report"
 STREAM_HZ, FASTEST_HZ = 1.0, 20.0
 #: A connection must have asked for something after so long, s; of those that have not, so many may wait.
 HEADER_TIME, MOST_WAITING = 10.0, 200
+#: Bytes of a message that is taken from a web socket: those of the page are small.
+LARGEST_MESSAGE = 1 << 18
 
 
 _Http: Any = AutoHTTPProtocol  # of the two that uvicorn has, the one that is installed
 
 
 class Impatient(_Http):
-    """HTTP that closes connections which ask for nothing: the oldest where they are many, each after a while."""
+    """HTTP that closes connections which ask for nothing: the oldest where they are many, each after a while.
+
+    That is so too after an answer: what comes of the next request may stop in the middle.
+    """
 
     def connection_made(self, transport: Any) -> None:
         """Take a connection."""
@@ -50,16 +55,21 @@ class Impatient(_Http):
         waiting = [other for other in self.connections if isinstance(other, Impatient) and other.asks_nothing]
         if len(waiting) > MOST_WAITING:
             min(waiting, key=lambda other: other.opened).transport.close()
-        self.loop.call_later(HEADER_TIME, self._look)
+        self.loop.call_later(HEADER_TIME, self._look, None)
 
     @property
     def asks_nothing(self) -> bool:
-        """Whether no request has come whole; a web socket has a protocol of its own by then."""
-        return self.cycle is None and self.transport.get_protocol() is self
+        """Whether no request has come whole, or none since the last answer; a web socket has another protocol."""
+        return (self.cycle is None or self.cycle.response_complete) and self.transport.get_protocol() is self
 
-    def _look(self) -> None:
-        if not self.transport.is_closing() and self.asks_nothing:
+    def _look(self, before: Any) -> None:
+        """Close it if it asked for nothing since `before`, its last request at the last look."""
+        if self.transport.is_closing() or self.transport.get_protocol() is not self:
+            return
+        if self.asks_nothing and self.cycle is before:
             self.transport.close()
+        else:
+            self.loop.call_later(HEADER_TIME, self._look, self.cycle)
 
 
 class Server:
@@ -78,11 +88,17 @@ class Server:
 
             attach(app, session)
         config = uvicorn.Config(
-            Access(app, token=token or None, loopback=is_loopback(host), port=self._socket.getsockname()[1]),
+            Access(
+                Crowd(app, streams={STREAM_URL, SOCKET_URL}),
+                token=token or None,
+                loopback=is_loopback(host),
+                port=self._socket.getsockname()[1],
+            ),
             log_level="warning",
             access_log=False,
             timeout_graceful_shutdown=1,
             http=Impatient,
+            ws_max_size=LARGEST_MESSAGE,
         )
         self._server = uvicorn.Server(config)
         self._thread = Thread(target=self._server.run, args=([self._socket],), name="page", daemon=True)

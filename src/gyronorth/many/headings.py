@@ -10,7 +10,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, is_of_memory
 from gyronorth.many.remote import NotFetched, at_hand, checksum_of, state_of
 from gyronorth.many.sources import Item, recordings
 from gyronorth.report.tables import Outcome
@@ -131,7 +131,7 @@ class Work:
                         return []
                 found = self.task.found(item.name, path)
         except Exception as error:
-            transient = isinstance(error, OSError | MemoryError | NotFetched)
+            transient = isinstance(error, OSError | NotFetched) or is_of_memory(error)
             found = [self.task.failed(item.name, told(error))]
             checksum = "" if transient else checksum
         return [outcome.stamped(checksum, self.settings) for outcome in found]
@@ -141,8 +141,9 @@ def told(error: Exception) -> str:
     """What the row of a recording says of an exception."""
     if isinstance(error, InputError | OSError):
         return str(error)
-    if isinstance(error, MemoryError):
-        return f"There is not enough memory: {error}. Read a part of it with --window, or take fewer --workers."
+    if is_of_memory(error):
+        said = f": {error}" if str(error) else ""
+        return f"There is not enough memory{said}. Read a part of it with --window, or take fewer --workers."
     fault = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
     return f"a fault of gyronorth, please report it: {fault}"
 

@@ -43,7 +43,8 @@ def errors_translated(name: str, what: str, cure: str = "") -> Iterator[None]:
         raise
     except MemoryError:
         raise InputError(
-            f"{name} asks for more memory than its size allows: it is damaged, or made to exhaust its reader."
+            f"{name} asks for more memory than there is for it: it is damaged, or made to exhaust its reader. Or this "
+            "process may use too little (`ulimit -v`, a container): then allow it more."
         ) from None
     except Exception as error:
         detail = " ".join(str(error).split())[:160] or type(error).__name__

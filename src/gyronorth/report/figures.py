@@ -22,8 +22,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from gyronorth.angles import DEG_PER_HOUR, wrap
 from gyronorth.catalogue import METHODS
 from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.errors import printable
 from gyronorth.files import written_beside
-from gyronorth.report.wording import duration_text, heading_text, number_text, part_name, printable
+from gyronorth.report.wording import duration_text, heading_text, number_text, part_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.errors import printable
 from gyronorth.report.terminal import print_table
-from gyronorth.report.wording import printable
 from gyronorth.sensor.terms import TERMS
 
 if TYPE_CHECKING:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Sequence
 from typing import Any, TextIO
 
+from gyronorth.errors import one_line, printable
 from gyronorth.report.tables import Outcome
-from gyronorth.report.wording import heading_lines, heading_text, number_text, one_line, printable
+from gyronorth.report.wording import heading_lines, heading_text, number_text
 
 #: Style of the terminal for the labels of `heading_lines` that stand out.
 STYLES = {"reason": "red", "warning": "yellow", "heading": "bold", "verdict": "bold"}

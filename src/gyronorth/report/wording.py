@@ -2,27 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING, Any
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
+from gyronorth.errors import one_line
 
 if TYPE_CHECKING:
     from gyronorth.report.tables import Outcome
-
-#: Control characters but the line feed, and those that turn the direction of a text.
-_STEERING = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
-
-
-def printable(text: str) -> str:
-    """A text from outside, for a terminal: what would steer it (escape sequences, text from right to left) is shown."""
-    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
-
-
-def one_line(text: str) -> str:
-    """A name from outside, for a terminal, in one line whatever is in it."""
-    return printable(text).replace("\n", "\\n")
 
 
 def heading_text(heading_deg: float, *, decimals: int = 2, width: int = 0, full_turn: bool = False) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.held import NUMBERS, TIMES, held_source
-from gyronorth.readers.library import pickled
+from gyronorth.readers.library import errors_translated, pickled
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Source
 
@@ -28,13 +28,9 @@ _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.r
 
 def open_npy(path: Path, options: ReadOptions) -> Source:
     """Open a .npy file; it is mapped, not loaded."""
-    try:
-        with path.open("rb") as file:
-            shape, fortran, dtype = npy_header(file)
-            offset = file.tell()
-    except Exception as error:  # numpy raises almost any on damaged headers
-        detail = " ".join(str(error).split())[:100] or type(error).__name__
-        raise InputError(f"{path.name} cannot be read ({detail}): it is damaged, cut off, or no .npy file.") from None
+    with errors_translated(path.name, ".npy file"), path.open("rb") as file:
+        shape, fortran, dtype = npy_header(file)
+        offset = file.tell()
     if dtype.hasobject:
         raise InputError(pickled(path.name))
     size = path.stat().st_size - offset

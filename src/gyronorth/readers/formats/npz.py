@@ -21,7 +21,7 @@ from gyronorth.readers.budget import check_claim
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.npy import npy_header, tables
 from gyronorth.readers.held import held_source
-from gyronorth.readers.library import pickled
+from gyronorth.readers.library import errors_translated, pickled
 from gyronorth.readers.mat5 import DEFLATE_RATIO
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
@@ -38,16 +38,10 @@ _KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "
 
 def open_npz(path: Path, options: ReadOptions) -> Source:
     """Open a recording that `write` stored as .npz, or the arrays of another archive."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = {name.removesuffix(".npy"): name for name in archive.namelist() if name.endswith(".npy")}
-            ours = "schema" in names
-            arrays = {key: _member(archive, names[key], key, path) for key in names if key in _KEYS or not ours}
-    except InputError:
-        raise
-    except Exception as error:  # zipfile, zlib and numpy raise almost any on damaged files
-        detail = " ".join(str(error).split())[:100] or type(error).__name__
-        raise InputError(f"{path.name} cannot be read ({detail}): it is damaged, cut off, or no .npz file.") from None
+    with errors_translated(path.name, ".npz file"), zipfile.ZipFile(path) as archive:
+        names = {name.removesuffix(".npy"): name for name in archive.namelist() if name.endswith(".npy")}
+        ours = "schema" in names
+        arrays = {key: _member(archive, names[key], key, path) for key in names if key in _KEYS or not ours}
     if not ours:
         return _open_foreign(arrays, options, path)
     if options.columns:
