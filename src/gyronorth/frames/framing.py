@@ -64,6 +64,17 @@ def split(frames: Frames, count: int) -> tuple[Frames, Frames]:
     return first, Frames(frames.data[at:], *(getattr(frames, name)[count:] for name in names))
 
 
+def without(frames: Frames, places: Index) -> tuple[Frames, int]:
+    """The frames but for some, whose bytes belong to no frame then; and how many of these are behind the last one."""
+    kept = np.ones(len(frames), bool)
+    kept[places] = False
+    of_none = np.cumsum(frames.skipped + np.where(kept, 0, frames.length))
+    skipped = np.diff(of_none[kept], prepend=0)
+    data = frames.data[np.repeat(kept, frames.length)]
+    left = Frames(data, frames.length[kept], frames.start[kept], frames.layout[kept], skipped)
+    return left, int(of_none[-1] - skipped.sum()) if len(frames) else 0
+
+
 _NAMES = ("data", "length", "start", "layout", "skipped")
 _NONE = Frames(np.empty(0, np.uint8), *(np.empty(0, np.int64) for _ in _NAMES[1:]))
 
@@ -84,6 +95,11 @@ class Framer:
     def tail(self) -> bytes:
         """What is not decided yet."""
         return self._tail.tobytes()
+
+    @property
+    def end(self) -> int:
+        """Bytes that came."""
+        return self._offset + len(self._tail)
 
     def feed(self, piece: bytes | Bytes, *, last: bool = False) -> Frames:
         """The frames that `piece` completes; with `last`, what is incomplete is given up."""

@@ -94,4 +94,4 @@ def _message(row: Bytes) -> str:
     )
 
 
-PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message)
+PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message, summed=True)
