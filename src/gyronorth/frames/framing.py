@@ -143,8 +143,11 @@ class Framer:
     ) -> tuple[Index, int]:
         """Indices of the accepted frames, and up to which byte all is decided."""
         matters = np.flatnonzero(whole | ~complete)
+        ends = start[matters] + length[matters]
+        if (start[matters[1:]] >= ends[:-1]).all():  # as nearly always
+            return self._apart(data, start[matters], ends, whole[matters], matters, last)
         first, good = start[matters].tolist(), whole[matters].tolist()
-        ends = (start[matters] + length[matters]).tolist()
+        ends = ends.tolist()
         end, taken = 0, []
         for i, place in enumerate(matters.tolist()):
             if first[i] < end:
@@ -161,6 +164,16 @@ class Framer:
             end = ends[i]
         decided = len(data) if last else max(end, len(data) - self._protocol.head + 1)
         return np.array(taken, np.int64), decided
+
+    def _apart(
+        self, data: Bytes, start: Index, end: Index, whole: np.ndarray, places: Index, last: bool
+    ) -> tuple[Index, int]:
+        """The same where none begins in another one: all that are whole, up to one that is not complete."""
+        if last:
+            return places[whole], len(data)
+        count = int(np.argmin(whole)) if not whole.all() else len(whole)
+        undecided = max(int(end[count - 1]) if count else 0, len(data) - self._protocol.head + 1)
+        return places[:count], undecided if count == len(whole) else int(start[count])
 
     @staticmethod
     def _rival(i: int, first: list[int], ends: list[int]) -> int | None:
