@@ -314,6 +314,18 @@ def test_xbus_dq_of_a_fast_turn_is_an_angle_not_its_sine():
     assert samples.gyro[:, 2] == pytest.approx(np.full(80, rate), rel=1e-12)
 
 
+def test_inertial_labs_status():
+    def frame(i: int, status: int, second: int) -> bytes:
+        data = struct.pack("<I6iHH", 5 * i, 0, 0, 10**6, 100, 0, 0, status, second)
+        return encoders.inertial_labs_frame(bytes((0x01, 0x23, 0x21, 0x53, 0x5A)), data)
+
+    words = {3: (0x0400, 0), 5: (0x1000, 0), 7: (0, 0x0004), 9: (0x0004, 0), 11: (0x0002, 0), 13: (0x0051, 0x0008)}
+    data = b"".join(frame(i, *words.get(i, (0x0080, 0))) for i in range(80))
+    samples, _ = decode(data, "inertial-labs")
+    assert np.flatnonzero(samples.saturated).tolist() == [3, 5, 7]
+    assert np.flatnonzero(samples.sensor_fault).tolist() == [9, 11]
+
+
 def test_anello_real_line_is_whole_and_refused():
     real = b"#APIMU,318214.937,0.0344,-0.0128,1.0077,-0.0817,0.0013,-0.0038,0.01051,0.0000,318214.548,47.0547*55\r\n"
     assert len(Framer(protocol_of("anello")).feed(real, last=True)) == 1

@@ -49,7 +49,7 @@ __all__ = [
 ]
 
 #: Bytes that are decoded at once: the memory that a capture takes does not grow with its length but for its samples.
-PIECE = 1 << 18
+PIECE = 1 << 20
 
 
 def decode(data: bytes, protocol: str | None = None, options: Options | None = None) -> tuple[Samples, Report]:

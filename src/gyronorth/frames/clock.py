@@ -97,7 +97,7 @@ class Numbering:
 
     def __init__(self, interval: float | None, stride: int | None, *, clock: bool) -> None:
         self.stride = stride
-        self._interval, self._clock = interval, clock
+        self.interval, self._clock = interval, clock
         self._ticks: int | None = None
         self._counter = 0
         self._number = -1
@@ -122,14 +122,14 @@ class Numbering:
         """How lost samples are known."""
         if self.stride is not None:
             return "counter"
-        return "clock" if self._clock and self._interval is not None else "bytes"
+        return "clock" if self._clock and self.interval is not None else "bytes"
 
     def other_rate(self, fields: Fields, shown: Index) -> int | None:
         """The sample from which on the clock shows another rate; None for none. To be asked before they are numbered.
 
         Frames that the counter shows to be lost do not make a rate slower.
         """
-        if self._interval is None or not self._clock or fields.ticks is None:
+        if self.interval is None or not self._clock or fields.ticks is None:
             return None
         before = self._ticks if self._ticks is not None else int(fields.ticks[0])
         seconds = clock_steps(np.concatenate(([before], fields.ticks)), fields.tick, fields.tick_wrap)
@@ -138,12 +138,12 @@ class Numbering:
             whole[0] = False
         if self.stride is not None and fields.counter is not None:
             whole &= np.diff(fields.counter, prepend=self._counter) % fields.counter_wrap == self.stride
-        steps = np.concatenate((self._steps, seconds[whole] / self._interval))
+        steps = np.concatenate((self._steps, seconds[whole] / self.interval))
         places = np.concatenate((np.full(len(self._steps), 0), np.flatnonzero(whole)))
         self._steps = steps[-WATCHED:]
         if len(steps) < WATCHED:
             return None
-        blur = fields.tick / self._interval
+        blur = fields.tick / self.interval
         if blur >= 1:  # a tick or two for several samples: too coarse to tell loss from rate
             return None
         mean = np.convolve(steps, np.full(WATCHED, 1 / WATCHED), "valid")
@@ -177,16 +177,16 @@ class Numbering:
             self._ticks = int(fields.ticks[-1])
             if self._anew:
                 seconds[0] = np.nan
-            if self.stride is not None and fields.counter is not None and self._interval is not None:
+            if self.stride is not None and fields.counter is not None and self.interval is not None:
                 next_ = np.diff(fields.counter, prepend=self._counter) % fields.counter_wrap == self.stride
                 with np.errstate(invalid="ignore"):
-                    seconds[next_ & (shown == 1) & (seconds > CLOCK_SET * self._interval)] = np.nan
+                    seconds[next_ & (shown == 1) & (seconds > CLOCK_SET * self.interval)] = np.nan
             jumped = np.isnan(seconds)
-            if self._interval is not None:
-                by_clock = seconds / self._interval
+            if self.interval is not None:
+                by_clock = seconds / self.interval
                 with np.errstate(invalid="ignore"):
                     agrees = np.abs(by_clock - expected) <= AGREES + (
-                        fields.tick / self._interval if fields.tick > self._interval / 4 else 0.0
+                        fields.tick / self.interval if fields.tick > self.interval / 4 else 0.0
                     )
                 expected = np.where(jumped | agrees, expected, np.round(by_clock))
         elif self._anew:
@@ -220,7 +220,7 @@ class Numbering:
         if not self._clock:
             return None
         jumped = np.isnan(seconds)
-        spans = np.where(jumped, steps * (self._interval or 0.0), seconds)
+        spans = np.where(jumped, steps * (self.interval or 0.0), seconds)
         ticks = np.round(spans / fields.tick).astype(np.int64)
         if first:
             ticks[0] = 0

@@ -64,6 +64,17 @@ def split(frames: Frames, count: int) -> tuple[Frames, Frames]:
     return first, Frames(frames.data[at:], *(getattr(frames, name)[count:] for name in names))
 
 
+def without(frames: Frames, places: Index) -> tuple[Frames, int]:
+    """The frames but for some, whose bytes belong to no frame then; and how many of these are behind the last one."""
+    kept = np.ones(len(frames), bool)
+    kept[places] = False
+    of_none = np.cumsum(frames.skipped + np.where(kept, 0, frames.length))
+    skipped = np.diff(of_none[kept], prepend=0)
+    data = frames.data[np.repeat(kept, frames.length)]
+    left = Frames(data, frames.length[kept], frames.start[kept], frames.layout[kept], skipped)
+    return left, int(of_none[-1] - skipped.sum()) if len(frames) else 0
+
+
 _NAMES = ("data", "length", "start", "layout", "skipped")
 _NONE = Frames(np.empty(0, np.uint8), *(np.empty(0, np.int64) for _ in _NAMES[1:]))
 
@@ -84,6 +95,11 @@ class Framer:
     def tail(self) -> bytes:
         """What is not decided yet."""
         return self._tail.tobytes()
+
+    @property
+    def end(self) -> int:
+        """Bytes that came."""
+        return self._offset + len(self._tail)
 
     def feed(self, piece: bytes | Bytes, *, last: bool = False) -> Frames:
         """The frames that `piece` completes; with `last`, what is incomplete is given up."""
@@ -127,8 +143,11 @@ class Framer:
     ) -> tuple[Index, int]:
         """Indices of the accepted frames, and up to which byte all is decided."""
         matters = np.flatnonzero(whole | ~complete)
+        ends = start[matters] + length[matters]
+        if (start[matters[1:]] >= ends[:-1]).all():  # as nearly always
+            return self._apart(data, start[matters], ends, whole[matters], matters, last)
         first, good = start[matters].tolist(), whole[matters].tolist()
-        ends = (start[matters] + length[matters]).tolist()
+        ends = ends.tolist()
         end, taken = 0, []
         for i, place in enumerate(matters.tolist()):
             if first[i] < end:
@@ -145,6 +164,16 @@ class Framer:
             end = ends[i]
         decided = len(data) if last else max(end, len(data) - self._protocol.head + 1)
         return np.array(taken, np.int64), decided
+
+    def _apart(
+        self, data: Bytes, start: Index, end: Index, whole: np.ndarray, places: Index, last: bool
+    ) -> tuple[Index, int]:
+        """The same where none begins in another one: all that are whole, up to one that is not complete."""
+        if last:
+            return places[whole], len(data)
+        count = int(np.argmin(whole)) if not whole.all() else len(whole)
+        undecided = max(int(end[count - 1]) if count else 0, len(data) - self._protocol.head + 1)
+        return places[:count], undecided if count == len(whole) else int(start[count])
 
     @staticmethod
     def _rival(i: int, first: list[int], ends: list[int]) -> int | None:

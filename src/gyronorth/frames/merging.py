@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gyronorth.arrays import Index
+from gyronorth.arrays import Index, Mask
 from gyronorth.frames.framing import Frames
 from gyronorth.frames.protocol import Fields, Protocol
 
@@ -36,10 +36,10 @@ def merged(parts: Sequence[Fields], order: Index) -> Fields:
     return replace(parts[0], **{name: merge(name) for name in _ARRAYS})
 
 
-def first_of(fields: Fields, count: int) -> Fields:
-    """The first `count`."""
+def some_of(fields: Fields, which: slice | Mask) -> Fields:
+    """Those of some of the frames."""
     arrays = {name: getattr(fields, name) for name in _ARRAYS}
-    return replace(fields, **{name: None if array is None else array[:count] for name, array in arrays.items()})
+    return replace(fields, **{name: None if array is None else array[which] for name, array in arrays.items()})
 
 
 def fields_of(protocol: Protocol, layout: int, frames: Frames, index: Index) -> Fields:

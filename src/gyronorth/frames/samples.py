@@ -110,7 +110,7 @@ class Report:
     profile: str | None  # name of the shipped sensor profile that fits it
     samples: int  # frames that became samples
     other: int  # whole frames that hold no inertial data, or another layout than the one taken
-    unusable: int  # frames whose checksum holds, with numbers that are not finite or beyond any sensor
+    unusable: int  # frames whose checksum holds, with numbers of no sensor, or that the frames on both sides contradict
     lost: int  # samples missing between the first and the last
     lost_from: str  # how they are known: "counter", "clock" or "bytes"
     skipped: int  # bytes that belong to no whole frame

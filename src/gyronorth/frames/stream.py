@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,10 @@ from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.frames.catalogue import protocol_info
 from gyronorth.frames.clock import Numbering, rate_of_clock, rate_of_spans, stride_of
+from gyronorth.frames.doubt import Doubt
 from gyronorth.frames.forces import LATE_FORCE, ForceTrack
-from gyronorth.frames.framing import Framer, Frames, joined, split
-from gyronorth.frames.merging import covered, fields_of, first_of
+from gyronorth.frames.framing import Framer, Frames, joined, split, without
+from gyronorth.frames.merging import covered, fields_of, some_of
 from gyronorth.frames.others import names_of
 from gyronorth.frames.protocol import Bytes, Fields, Options, Scale
 from gyronorth.frames.rates import RATE_CONFLICT, USUAL, findings_of_rates
@@ -86,6 +88,9 @@ class FrameStream:
         self._strange = 0  # frames with data of other layouts since the last one of ours
         self._told = 0  # configurations that the settled layout, scale and rate rest on
         self._spacing = Spacing()
+        self._doubt: Doubt | None = None  # where the checksum is a sum
+        self._doubtful: Frames | None = None  # from the first one on that waits for the next
+        self._left = 0  # bytes of damaged frames behind the last one
         self._zero = self._latest = (0, 0.0)  # a sample and its time, s: from it on samples are counted; the latest one
         self._settings = 0
         self.changed_at = 0  # byte of the stream from which on the latest setting holds
@@ -108,13 +113,14 @@ class FrameStream:
 
     @property
     def undecided(self) -> int:
-        """Bytes at the end of which it is not decided yet whether they are a frame."""
-        return len(self._framer.tail)
+        """Bytes at the end of which it is not decided yet whether they are a frame, or samples."""
+        return len(self._framer.tail) if self._doubtful is None else self._framer.end - int(self._doubtful.start[0])
 
     @property
     def pending(self) -> bytes:
         """Bytes of which it is not decided yet what they are: a stream that begins with them goes on as this one."""
-        return self._forces.pending + b"".join(frames.data.tobytes() for frames in self._held) + self._framer.tail
+        held = self._held if self._doubtful is None else [self._doubtful]
+        return self._forces.pending + b"".join(frames.data.tobytes() for frames in held) + self._framer.tail
 
     @property
     def report(self) -> Report:
@@ -163,7 +169,7 @@ class FrameStream:
                 if not self._settle(rest):
                     self._pass_over(rest)
                     break
-            samples, rest = self._up_to_change(rest)
+            samples, rest = self._up_to_change(rest, last=last)
             parts += [] if samples is None else [samples]
         left = self._forces.end() if last else None
         parts += [] if left is None else [left]
@@ -179,18 +185,18 @@ class FrameStream:
         if not self._samples:
             self._messages += names_of(self._protocol, frames)
 
-    def _up_to_change(self, frames: Frames) -> tuple[Samples | None, Frames | None]:
+    def _up_to_change(self, frames: Frames, *, last: bool) -> tuple[Samples | None, Frames | None]:
         """Samples up to where the unit was reset, and the frames from there on, for which all is settled again."""
         assert self._numbering is not None
-        index = np.flatnonzero(self._ours(frames))
-        fields = self._fields(frames, index) if len(index) else None
+        frames, index, fields = self._read(frames, last=last)
         shown, restarted = self._spacing.shown(frames, index)
         change = self._change(frames, index, fields, shown)
         if change is None:
             return self._paired(frames, self._decode(frames, index, fields, shown, restarted)), None
         before, after = split(frames, change)
+        after, self._doubtful = after if self._doubtful is None else joined([after, self._doubtful]), None
         count = int(np.searchsorted(index, change))
-        kept = first_of(fields, count) if fields is not None and count else None
+        kept = some_of(fields, slice(count)) if fields is not None and count else None
         samples = self._paired(before, self._decode(before, index[:count], kept, shown[:count], restarted[:count]))
         parts = [part for part in (samples, self._forces.end()) if part is not None]
         samples = samples_joined(parts) if parts else None
@@ -198,6 +204,36 @@ class FrameStream:
         self._settings += 1
         self.changed_at = int(after.start[0])
         return samples, after
+
+    def _read(self, frames: Frames, *, last: bool) -> tuple[Frames, Index, Fields | None]:
+        """The frames that are decided, without the damaged ones; the places of those that are read, and what they hold.
+
+        The neighbours of a frame tell whether it is damaged, where its checksum is a sum.
+        """
+        if self._doubtful is not None:
+            frames, self._doubtful = joined([self._doubtful, frames]), None
+        index = np.flatnonzero(self._ours(frames))
+        fields = self._fields(frames, index) if len(index) else None
+        if self._doubt is None or not len(frames):
+            return frames, index, fields
+        frames.skipped[0] += self._left
+        self._left = 0
+        if fields is None:
+            return frames, index, fields
+        gyro, accel = self._scaled(fields)
+        values = gyro if accel is None else np.column_stack([gyro, accel])
+        shown, _ = copy(self._spacing).shown(frames, index)
+        usable, loose = usable_ones(fields, gyro, accel), frames.skipped[index] > 0
+        damaged, end = self._doubt.sift(fields, values, usable, shown, loose, last=last)
+        if end < len(index):
+            frames, self._doubtful = split(frames, int(index[end]))
+        if not damaged.any() and end == len(index):
+            return frames, index, fields
+        frames, self._left = without(frames, index[:end][damaged])
+        self._unusable += int(damaged.sum())
+        fields = some_of(fields, np.append(~damaged, np.zeros(len(index) - end, bool)))
+        index = np.flatnonzero(self._ours(frames))
+        return frames, index, fields if len(index) else None
 
     def _change(self, frames: Frames, index: Index, fields: Fields | None, shown: Index) -> int | None:
         """The first frame after a reset: another rate, by the configuration or the clock, or another layout."""
@@ -305,6 +341,7 @@ class FrameStream:
             self._numbering.go_on(before)
             self._zero = self._latest
         self._settle_force(frames, fields)
+        self._doubt = Doubt(self._numbering.interval, self._numbering.stride) if self._protocol.summed else None
         kind = Kind(self.report.rate_hz, self._has_clock, fields.accel is not None or self._forces.paired)
         if self._kinds[-1:] != (kind,):
             self._kinds = (*self._kinds, kind)[-KINDS:]

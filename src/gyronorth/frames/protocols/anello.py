@@ -95,4 +95,5 @@ PROTOCOL = Protocol(
     line_ends=True,
     lines=lambda _layout: True,
     message=name_of,
+    summed=True,
 )

@@ -2,10 +2,11 @@
 
 AA 55, 01, 95, length (u16; of all but the first two bytes), number of data, their types, the data (little endian), the
 sum of all bytes after AA 55 modulo 2^16. Read are 0x21 rate (int32, 1e-5 deg/s), 0x23 specific force (int32, 1e-6 g),
-0x01 time of the week (ms), 0x52 temperature (0.1 degC). x right, y forward, z up.
+0x01 time of the week (ms), 0x52 temperature (0.1 degC), and the unit status words 0x53 and 0x5A. x right, y forward, z
+up.
 
-Sources: facts of ArduPilot's Inertial Labs driver (lengths of the types, axes). Data after a type of unknown length
-are not read. The unit status word 0x53 is not read. Not verified against a real message.
+Sources: facts of ArduPilot's Inertial Labs driver (lengths of the types, axes, status bits). Data after a type of
+unknown length are not read. Not verified against a real message.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Protocol, at_
 from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _USER_DATA = (0x01, 0x95)
-_TIME, _GYRO, _ACCEL, _TEMPERATURE = 0x01, 0x21, 0x23, 0x52
+_TIME, _GYRO, _ACCEL, _TEMPERATURE, _STATUS, _STATUS_2 = 0x01, 0x21, 0x23, 0x52, 0x53, 0x5A
+#: 0x53: data incorrect, gyros, accelerometers or electronics failed; a rate is out of range. 0x5A: a force is.
+_FAULT, _RATE_HIGH, _FORCE_HIGH = 0x002E, 0x1C00, 0x0007
 _SIZES = {
     0x01: 4, 0x3C: 2, 0x23: 12, 0x21: 12, 0x25: 6, 0x24: 6, 0x07: 6, 0x12: 12, 0x10: 12, 0x58: 3, 0x57: 6, 0x53: 2,
     0x4A: 2, 0x3B: 1, 0x30: 12, 0x32: 10, 0x3E: 4, 0x36: 2, 0x41: 1, 0xC0: 1, 0x28: 4, 0x86: 2, 0x8A: 6, 0x8D: 2,
@@ -65,7 +68,13 @@ def _force(rows: Bytes, _interval: float) -> Force:
         if _ACCEL in blocks and tuple(rows[index[0], 2:4].tolist()) == _USER_DATA:
             force.here[index] = True
             force.value[index] = column(rows[index], blocks[_ACCEL][0], "<i4", 3) * 1e-6 * STANDARD_GRAVITY
+            force.saturated[index] = _bits(rows[index], blocks, _STATUS_2, _FORCE_HIGH)
     return force
+
+
+def _bits(rows: Bytes, blocks: Blocks, status: int, bits: int) -> Mask:
+    """Where one of some bits of a status word is set."""
+    return (column(rows, blocks[status][0], "<u2") & bits) != 0 if status in blocks else np.zeros(len(rows), bool)
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -82,6 +91,8 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
         ticks=column(rows, blocks[_TIME][0], "<u4").astype(np.int64) if _TIME in blocks else None,
         tick=1e-3,
         tick_wrap=_WEEK_MS,
+        saturated=_bits(rows, blocks, _STATUS, _RATE_HIGH) | _bits(rows, blocks, _STATUS_2, _FORCE_HIGH),
+        fault=_bits(rows, blocks, _STATUS, _FAULT),
         temperature=column(rows, blocks[_TEMPERATURE][0], "<i2") / 10.0 if _TEMPERATURE in blocks else None,
     )
 
@@ -94,4 +105,4 @@ def _message(row: Bytes) -> str:
     )
 
 
-PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message)
+PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message, summed=True)

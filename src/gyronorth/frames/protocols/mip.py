@@ -149,5 +149,15 @@ def _message(row: Bytes) -> str:
 
 
 PROTOCOL = Protocol(
-    "mip", 4, _starts, _whole, _layouts, _fields, reads=_reads, scale=_scale, force=_force, message=_message
+    "mip",
+    4,
+    _starts,
+    _whole,
+    _layouts,
+    _fields,
+    reads=_reads,
+    scale=_scale,
+    force=_force,
+    message=_message,
+    summed=True,
 )

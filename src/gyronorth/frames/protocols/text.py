@@ -23,7 +23,8 @@ _SHORT = 8
 def line_starts(data: Bytes, starts: Index, digits: int, longest: int) -> tuple[Index, Index]:
     """Those of `starts` whose line may end in an asterisk and `digits` characters, and the lengths up to there.
 
-    A line of which neither is in the buffer yet is as long as the buffer and one more.
+    A line of which neither is in the buffer yet is as long as the buffer and one more. A line in which another one
+    starts was cut.
     """
     star, ends = np.flatnonzero(data == ord("*")), np.flatnonzero((data == 10) | (data == 13))
     beyond = len(data) + longest
@@ -31,7 +32,8 @@ def line_starts(data: Bytes, starts: Index, digits: int, longest: int) -> tuple[
     end_after = np.append(ends, beyond)[np.searchsorted(ends, starts)]
     known, open_ = star_after < end_after, (star_after == beyond) & (end_after == beyond)
     length = np.where(known, star_after + 1 + digits - starts, len(data) + 1 - starts)
-    possible = (known | open_) & (length <= longest)
+    cut = np.append(starts[1:], beyond) < np.where(known, star_after, len(data))
+    possible = (known | open_) & (length <= longest) & ~cut
     return starts[possible], length[possible]
 
 

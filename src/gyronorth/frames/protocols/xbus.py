@@ -187,4 +187,5 @@ PROTOCOL = Protocol(
     scale=_scale,
     weak=True,
     message=_message,
+    summed=True,
 )

@@ -1,0 +1,221 @@
+"""Frames whose checksum is a sum: what the frames on both sides say against one.
+
+Two errors can undo each other in a sum: of frames with two wrong bits, one in eight passes an exclusive or of bytes,
+and one in sixteen a sum of bytes. A frame that does not go on from the one before waits for the next. It is damaged
+where the next goes on from the one before as if it were not there: by the clock, by the counter, or in the numbers.
+Where the next goes on from it, or from neither, the unit itself has changed, and nothing is left out. What is wrong by
+less than the noise cannot be told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gyronorth.arrays import Array, Index, Mask
+from gyronorth.frames.clock import clock_steps
+from gyronorth.frames.protocol import Fields
+
+#: The clock goes on where its step is no further from that which the bytes show, in samples.
+CLOCK_OFF = 1.5
+#: The counter goes on where it is this far from what the bytes show, in samples, if some of them are of no frame.
+COUNTER_OFF = 1
+#: Numbers go on where their step is within these, rad/s and m/s^2, and this many times the usual step.
+RATE_STEP, FORCE_STEP, STEPS = 3e-5, 3e-3, 9.0
+#: The next number goes on from the one before where it is this share of the way to the one between, at most.
+BACK = 0.25
+#: One sample alone is this many times as far away as the last step was.
+ALONE = 4.0
+#: Samples over which the usual step is taken.
+BLOCK = 64
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Samples in their order."""
+
+    values: Array  # (n, k) rate and specific force
+    steps: Array  # (n, k) of the values
+    usable: Mask  # (n,)
+    ticks: Index | None  # (n,)
+    counter: Index | None  # (n,)
+    count: Index  # (n,) number of the sample as the bytes show it
+    loose: Index  # (n,) up to it, how often there were bytes of no frame
+
+    def behind(self, before: _Line) -> _Line:
+        """The same behind another."""
+        ticks = None if self.ticks is None or before.ticks is None else np.append(before.ticks, self.ticks)
+        counter = None if self.counter is None or before.counter is None else np.append(before.counter, self.counter)
+        values, steps = np.concatenate((before.values, self.values)), np.concatenate((before.steps, self.steps))
+        usable = np.append(before.usable, self.usable)
+        return _Line(values, steps, usable, ticks, counter, np.append(0, self.count), np.append(0, self.loose))
+
+    def at(self, place: int) -> _Line:
+        """One of them."""
+        part = slice(place, place + 1)
+        return _Line(
+            self.values[part],
+            self.steps[part],
+            self.usable[part],
+            None if self.ticks is None else self.ticks[part],
+            None if self.counter is None else self.counter[part],
+            np.zeros(1, np.int64),
+            np.zeros(1, np.int64),
+        )
+
+
+class Doubt:
+    """Finds damaged samples by their neighbours, and keeps the state between the pieces of a stream.
+
+    Parameters
+    ----------
+    interval : float or None
+        Between samples, s.
+    stride : int or None
+        By how much the sequence counter usually moves.
+    """
+
+    def __init__(self, interval: float | None, stride: int | None) -> None:
+        self._interval, self._stride = interval, stride
+        self._last: _Line | None = None  # the last sample that was taken
+        self._value: Array | None = None  # of the last sample, taken or not, (1, k)
+        self._steps = np.empty((0, 0))  # steps since the usual one was taken, (m, k)
+        self._usual = np.empty(0)  # (k,)
+
+    def sift(
+        self, fields: Fields, values: Array, usable: Mask, shown: Index, loose: Mask, *, last: bool
+    ) -> tuple[Mask, int]:
+        """Which samples are damaged, (n,), and how many are decided; those behind are to be given again, with more.
+
+        Parameters
+        ----------
+        fields : Fields
+            Clock and counter of n samples.
+        values : ndarray, shape (n, k)
+            Rate, rad/s, and specific force, m/s^2.
+        usable : ndarray, shape (n,)
+            Which of them are numbers that a sensor can give.
+        shown : ndarray, shape (n,)
+            By how many samples the bytes show each to follow the one before.
+        loose : ndarray, shape (n,)
+            Before which of them there are bytes of no frame: what is shown is not certain.
+        last : bool
+            Whether no more come.
+        """
+        values = np.where(usable[:, None], values, 0.0)
+        steps = np.abs(np.diff(values, axis=0, prepend=values[:1] if self._value is None else self._value))
+        line = _Line(values, steps, usable, fields.ticks, fields.counter, np.cumsum(shown), np.cumsum(loose, dtype=int))
+        limit = self._limits(steps)
+        known = self._last is not None
+        line = line if self._last is None else line.behind(self._last)
+        damaged = np.zeros(len(line.usable), bool)
+        limit = np.concatenate((limit[:1], limit)) if known else limit
+        end = self._walk(line, fields, limit, damaged, last) - known
+        damaged = damaged[known:]
+        good = np.flatnonzero(~damaged[:end])
+        if len(good):
+            self._last = line.at(int(good[-1]) + known)
+        self._keep(values[:end], steps[:end])
+        return damaged[:end], end
+
+    def _walk(self, line: _Line, fields: Fields, limit: Array, damaged: Mask, last: bool) -> int:
+        """Mark the damaged ones, and return up to where it is decided."""
+        n = len(line.usable)
+        odd = ~self._goes_on(line, fields, np.arange(n - 1), np.arange(1, n), limit[1:])
+        odd |= ~line.usable[:-1] | ~line.usable[1:]
+        odd = np.append(not line.usable[0] or (self._last is None and n > 1 and odd[0]), odd)
+        for place in np.flatnonzero(odd).tolist():
+            if not line.usable[place]:
+                damaged[place] = True
+                continue
+            kept = np.flatnonzero(~damaged[:place])
+            following = np.flatnonzero(line.usable[place + 1 :])
+            if not len(kept):
+                damaged[place] = self._first_is_odd(line, fields, limit, place)
+                continue
+            one = (line, fields, kept[-1:], np.array([place]), limit[place : place + 1])
+            if self._goes_on(*one)[0]:
+                continue
+            if not len(following):
+                if not last:
+                    return place
+                damaged[place] = True
+                continue
+            damaged[place] = self._returns(*one, np.array([place + 1 + following[0]]))
+        return n
+
+    def _first_is_odd(self, line: _Line, fields: Fields, limit: Array, place: int) -> bool:
+        """Whether the second goes not on from the first, but the third from the second."""
+        if place + 2 >= len(line.usable):
+            return False
+        from_, to = np.array([place, place + 1]), np.array([place + 1, place + 2])
+        return self._goes_on(line, fields, from_, to, limit[to]).tolist() == [False, True]
+
+    def _goes_on(self, line: _Line, fields: Fields, from_: Index, to: Index, limit: Array) -> Mask:
+        """Whether the samples `to` go on from the samples `from_`, (m,)."""
+        near = (np.abs(line.values[to] - line.values[from_]) <= limit).all(axis=1)
+        return near & self._in_time(line, fields, from_, to) & self._in_count(line, fields, from_, to)
+
+    def _in_time(self, line: _Line, fields: Fields, from_: Index, to: Index) -> Mask:
+        if line.ticks is None or self._interval is None:
+            return np.ones(len(to), bool)
+        off = self._by_clock(line, fields, from_, to) - (line.count[to] - line.count[from_])
+        return np.asarray(np.abs(off) <= CLOCK_OFF + fields.tick / self._interval)
+
+    def _by_clock(self, line: _Line, fields: Fields, from_: Index, to: Index) -> Array:
+        """Steps of the clock, in samples."""
+        assert line.ticks is not None
+        assert self._interval is not None
+        pairs = np.column_stack((line.ticks[from_], line.ticks[to])).ravel()
+        return clock_steps(pairs, fields.tick, fields.tick_wrap)[::2] / self._interval
+
+    def _in_count(self, line: _Line, fields: Fields, from_: Index, to: Index) -> Mask:
+        """Whether the counter agrees with the bytes, or with a clock that does."""
+        if line.counter is None or self._stride is None:
+            return np.ones(len(to), bool)
+        moves, count = line.counter[to] - line.counter[from_], line.count[to] - line.count[from_]
+        near = COUNTER_OFF * self._stride * (line.loose[to] > line.loose[from_])
+        agrees = (moves - self._stride * count + near) % fields.counter_wrap <= 2 * near
+        if line.ticks is not None and self._interval is not None:
+            by_clock = np.where(self._in_time(line, fields, from_, to), self._by_clock(line, fields, from_, to), count)
+            agrees |= (moves - self._stride * np.round(by_clock).astype(np.int64)) % fields.counter_wrap == 0
+        return np.asarray(agrees)
+
+    def _returns(self, line: _Line, fields: Fields, before: Index, at: Index, limit: Array, behind: Index) -> bool:
+        """Whether the sample `behind` goes on from that `before`, where the one `at` does not."""
+        for rule in (self._in_time, self._in_count):
+            if not rule(line, fields, before, at)[0] and rule(line, fields, before, behind)[0]:
+                return True
+        away = np.abs(line.values[at] - line.values[before])
+        limit = np.maximum(limit, ALONE * line.steps[before])
+        far = (away > limit) & (np.abs(line.values[at] - line.values[behind]) > limit)
+        return bool((far & (np.abs(line.values[behind] - line.values[before]) <= BACK * away)).any())
+
+    def _limits(self, steps: Array) -> Array:
+        """The largest step of each sample, (n, k), by the usual one of the block before."""
+        k = steps.shape[1]
+        floor = np.where(np.arange(k) < 3, RATE_STEP, FORCE_STEP)
+        if not len(self._usual):
+            self._usual, self._steps = _usual(steps[None, :BLOCK])[0], np.empty((0, k))
+        open_ = len(self._steps)
+        usual = np.concatenate((self._usual[None], self._blocks(steps)))
+        return floor + STEPS * usual[(open_ + np.arange(len(steps))) // BLOCK]
+
+    def _blocks(self, steps: Array) -> Array:
+        """The usual step of each block that is full, (m, k)."""
+        steps = np.concatenate((self._steps, steps))
+        full = len(steps) // BLOCK
+        return _usual(steps[: full * BLOCK].reshape(full, BLOCK, steps.shape[1]))
+
+    def _keep(self, values: Array, steps: Array) -> None:
+        full = self._blocks(steps)
+        self._usual = full[-1] if len(full) else self._usual
+        self._steps = np.concatenate((self._steps, steps))[len(full) * BLOCK :]
+        self._value = values[-1:] if len(values) else self._value
+
+
+def _usual(steps: Array) -> Array:
+    """The usual step in each block of (m, n, k): the median, but the smallest one where numbers mostly repeat."""
+    smallest = np.where(steps > 0, steps, np.inf).min(axis=1)
+    return np.maximum(np.median(steps, axis=1), np.where(np.isfinite(smallest), smallest, 0.0))

@@ -1,0 +1,121 @@
+"""Frames whose checksum holds by chance: their neighbours tell."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from frames.encoders import CASES, Case, xbus_frame
+
+from gyronorth.frames import FrameStream, decode
+from gyronorth.frames.framing import Framer
+from gyronorth.frames.registry import protocol_of
+
+SUMMED = [name for name in CASES if protocol_of(CASES[name](1).protocol).summed]
+N = 3000
+#: Shares of the noise of one sample: what is wrong by less cannot be told from it.
+TOLD = 20.0
+
+
+@cache
+def made(name: str) -> Case:
+    return CASES[name](N)
+
+
+def spoiled(case: Case, share: float, rng: np.random.Generator) -> tuple[list[bytes], np.ndarray]:
+    """The frames, some with two to four wrong bits that the checksum does not show; and which."""
+    frames, hit, framer = list(case.frames), np.zeros(N, bool), protocol_of(case.protocol)
+    for place in np.flatnonzero(rng.random(N) < share):
+        for _ in range(2000):
+            frame = bytearray(frames[place])
+            bit = rng.integers(8)
+            for _ in range(2 * rng.integers(1, 3)):
+                frame[rng.integers(len(frame))] ^= 1 << bit
+            if frame != frames[place] and len(Framer(framer).feed(bytes(frame), last=True)) == 1:
+                frames[place], hit[place] = bytes(frame), True
+                break
+    return frames, hit
+
+
+def test_protocols_with_a_sum_are_those():
+    assert {made(name).protocol for name in SUMMED} == {
+        "hg4930", "vectornav-ascii", "mip", "xbus", "inertial-labs", "anello", "anello-x3"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SUMMED)
+def test_errors_that_undo_each_other_in_the_sum_invent_no_sample(name):
+    case = made(name)
+    frames, hit = spoiled(case, 0.01, np.random.default_rng(3))
+    hit[:100] = False
+    frames[:100] = case.frames[:100]
+    assert hit.sum() > 10
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    starts = np.cumsum([0, *map(len, frames)])[:-1]
+    sent = np.searchsorted(starts, samples.start, side="right") - 1
+    assert samples.accel is not None
+    wrong = np.abs(samples.gyro - case.gyro[sent]).max(axis=1) > TOLD * 1e-4
+    wrong |= np.abs(samples.accel - case.accel[sent]).max(axis=1) > TOLD * 1e-2
+    assert not wrong.any()
+    assert np.isin(np.flatnonzero(~hit), sent).all()
+    if case.knows_lost != "bytes":
+        assert np.array_equal(samples.number, sent)
+        assert (report.lost, report.clock_jumps, report.settings) == (N - len(samples), 0, 0)
+
+
+@pytest.mark.parametrize("name", SUMMED)
+def test_what_the_unit_itself_does_is_left(name):
+    """Gaps at the source, a restart, a frame that is sent twice: no sample is taken away."""
+    case = made(name)
+    frames = [*case.frames[:300], *case.frames[340:500], case.frames[499], *case.frames[500:700], *case.frames[:300]]
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    assert (len(samples), report.unusable) == (len(frames), 0)
+
+
+def fast(values: np.ndarray) -> bytes:
+    blocks = [(0x8020, np.array([value, 0, 0], ">f4").tobytes()) for value in values]
+    return b"".join(xbus_frame([(0x1060, int(100 * i).to_bytes(4, "big")), block]) for i, block in enumerate(blocks))
+
+
+def test_motion_is_left_and_one_sample_alone_is_not():
+    rng = np.random.default_rng(5)
+    rest = 1e-5 * rng.standard_normal(900)
+    moved = rest.copy()
+    moved[200:] += 1.0  # a turn
+    moved[400:500] += 0.5 * (-1.0) ** np.arange(100)  # as fast as it can be sampled
+    moved[600:602] += 2.0  # a knock
+    samples, report = decode(fast(moved), "xbus")
+    assert (len(samples), report.unusable, report.lost) == (900, 0, 0)
+    moved[700] = 40.0
+    samples, report = decode(fast(moved), "xbus")
+    assert (len(samples), report.unusable, report.lost) == (899, 1, 1)
+
+
+@pytest.mark.parametrize("name", SUMMED)
+def test_frames_in_doubt_do_not_hang_on_the_pieces(name):
+    case = made(name)
+    frames, _ = spoiled(case, 0.1, np.random.default_rng(6))
+    data = b"".join(frames[:250])
+    expected, report = decode(data, case.protocol, case.options)
+    stream, rng, at, got, starts = FrameStream(case.protocol, case.options), np.random.default_rng(7), 0, [], []
+    while at < len(data):
+        step = int(rng.integers(1, 300))
+        got.append(stream.feed(data[at : at + step]))
+        at += step
+        assert data[:at].translate(None, b"\r\n").endswith(stream.pending.translate(None, b"\r\n"))
+        starts.append(min(at, len(data)) - stream.undecided)
+    got = [part for part in (*got, stream.finish()) if part is not None]
+    assert np.array_equal(np.concatenate([part.gyro for part in got]), expected.gyro)
+    assert np.array_equal(np.concatenate([part.number for part in got]), expected.number)
+    assert stream.report == report
+    assert starts == sorted(starts)
+
+
+def test_the_next_sample_frees_one_in_doubt():
+    rates = 1e-5 * np.random.default_rng(8).standard_normal(200)
+    rates[150:] += 1.0
+    stream, size, data = FrameStream("xbus"), len(fast(rates[:1])), fast(rates)
+    stream.feed(data[: 150 * size])
+    given = [stream.feed(data[i * size : (i + 1) * size]) for i in range(150, 160)]
+    assert [0 if part is None else len(part) for part in given] == [0, 2, *[1] * 8]
