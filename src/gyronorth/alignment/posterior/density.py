@@ -18,6 +18,12 @@ BIN = 0.1
 TOLD = 256
 #: Most mass that may be left off the grid, for what is left to stand on it finely.
 FAR_MASS = 1e-3
+#: Series of Abramowitz and Stegun (1964), 9.8.1 in (x / 3.75)^2 and 9.8.2 in 3.75 / x, the highest power first.
+NEAR_SERIES = (0.0045813, 0.0360768, 0.2659732, 1.2067492, 3.0899424, 3.5156229, 1.0)
+FAR_SERIES = (
+    *(0.00392377, -0.01647633, 0.02635537, -0.02057706, 0.00916281),
+    *(-0.00157565, 0.00225319, 0.01328592, 0.39894228),
+)
 #: Mass of the interval.
 MASS = 0.95
 
@@ -42,14 +48,22 @@ class Density:
 def log_i0e(x: Array) -> Array:
     """log(exp(-x) I_0(x)), x >= 0, within 2e-7 (Abramowitz and Stegun 1964, 9.8.1 and 9.8.2)."""
     x = np.asarray(x, dtype=float)
-    t = np.minimum(x / 3.75, 1.0) ** 2
-    near = np.polyval((0.0045813, 0.0360768, 0.2659732, 1.2067492, 3.0899424, 3.5156229, 1.0), t)
-    u = 3.75 / np.maximum(x, 3.75)
-    far = np.polyval(
-        (0.00392377, -0.01647633, 0.02635537, -0.02057706, 0.00916281, -0.00157565, 0.00225319, 0.01328592, 0.39894228),
-        u,
-    )
-    return np.where(x < 3.75, np.log(near) - x, np.log(far) - 0.5 * np.log(np.maximum(x, 3.75)))
+    small = x < 3.75
+    inverse = 1 / np.maximum(x, 3.75)
+    found = np.log(_horner(FAR_SERIES, 3.75 * inverse) * np.sqrt(inverse))
+    if small.any():
+        near = x[small]
+        found[small] = np.log(_horner(NEAR_SERIES, (near / 3.75) ** 2)) - near
+    return np.asarray(found, dtype=float)
+
+
+def _horner(series: tuple[float, ...], x: Array) -> Array:
+    """A polynomial, its highest power first."""
+    total = np.full_like(x, series[0])
+    for term in series[1:]:
+        total *= x
+        total += term
+    return total
 
 
 def mixture(centre: Array, concentration: Array, weight: Array) -> Density:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gyronorth.alignment.posterior.blocks import COUNT, Blocks
-from gyronorth.alignment.posterior.law import Axis, Law, law, law_of
+from gyronorth.alignment.posterior.law import Axis, Law, fitted_law, law, law_of, noisier
 from gyronorth.alignment.posterior.tones import (
     BUMP,
     TONES,
@@ -99,8 +99,9 @@ def explanations(blocks: Blocks, index: int, sensor: Sensor, *, known: bool, pro
         return Weighed(made, *seen, noise.log_prior + more, noise.white, len(options.get("tones", ())), masked_s)
 
     def refitted(noise: Noise, one: Cleaned) -> Weighed:
-        fitted = one.covariance * (noise.sensor.gyro.white / one.white) ** 2
-        made = law_of(blocks.seconds, noise.sensor, known=known, accel=False, white=fitted)
+        white = noise.sensor.gyro.white
+        more = one.covariance * (white / one.white) ** 2 - np.eye(COUNT) * white**2 / blocks.seconds
+        made = noisier(fitted_law(blocks.seconds, noise.sensor, known=known), more)
         seen = weigh(made, one.rate_l, None)
         seen[0][:, made.shapes.settles] += UNSTEADY
         return Weighed(made, *seen, noise.log_prior + one.log_weight, noise.white, one.tones, one.bumped / rate_hz)
@@ -231,16 +232,12 @@ def _axes(axis: Axis, seen: Array, under: Law, *, tilting: float = 1.0) -> tuple
     projected = u_y[:, :, None] - gain * cross * c_y[:, :, column]
     residual = y_y[:, None] - gain * np.sum(c_y**2, axis=0)[:, column]
     log_det = np.log(pivot)
-    walk = np.swapaxes(axis.walk, 1, 2)
-    u_m, m_y = (walk @ axis.constant[:, :, None])[..., 0], walk @ white
-    for number in np.flatnonzero([kind == "walk" for kind in shapes.kind]):
-        inner = np.eye(axis.walk.shape[2]) + walk @ axis.walk * shapes.size[number] ** 2
-        both = np.concatenate([u_m[:, :, None], m_y], axis=2)
-        solved = np.asarray(np.linalg.solve(inner, both), dtype=float) * shapes.size[number] ** 2
-        information[:, number] -= np.sum(u_m * solved[:, :, 0], axis=1)
-        projected[:, :, number] -= np.einsum("bm,bma->ab", u_m, solved[:, :, 1:])
-        residual[:, number] -= np.sum(m_y * solved[:, :, 1:], axis=(1, 2))
-        log_det[:, number] = np.linalg.slogdet(inner)[1]
+    m_y, scale = np.swapaxes(axis.walk, 1, 2) @ white, shapes.size[shapes.walks, None, None] ** 2
+    gain = scale / (1 + scale * axis.walk_square)  # (w, b, m)
+    information[:, shapes.walks] -= np.sum(gain * axis.walk_cross**2, axis=2).T
+    projected[:, :, shapes.walks] -= np.swapaxes(((gain * axis.walk_cross)[:, :, None] @ m_y)[:, :, 0], 0, 2)
+    residual[:, shapes.walks] -= np.sum(gain * np.sum(m_y**2, axis=2), axis=2).T
+    log_det[:, shapes.walks] = np.sum(np.log1p(scale * axis.walk_square), axis=2).T
     estimate = projected / information
     residual = residual - np.sum(projected * estimate, axis=0)
     log_weight = -axes * (axis.half_log_det[:, None] + 0.5 * log_det + 0.5 * np.log(information)) - 0.5 * residual

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -72,12 +72,21 @@ class Shapes:
     log_prior: Array  # (s,)
     kind: tuple[str, ...]  # (s,)
 
-    @property
+    @cached_property
     def settles(self) -> Mask:
         """Where it is a bias that settles."""
-        return np.array([kind == "settling" for kind in self.kind])
+        return self.of("settling")
 
-    @property
+    @cached_property
+    def walks(self) -> Index:
+        """Numbers of the walks."""
+        return np.flatnonzero(self.of("walk"))
+
+    def of(self, kind: str) -> Mask:
+        """Where it is of one kind."""
+        return np.array([one == kind for one in self.kind])
+
+    @cached_property
     def lasting(self) -> Array:
         """Mean of a bias whose time constant is the duration or longer, rad/s: in the recording next to constant."""
         mean = np.where(self.column >= 0, self.gyro.mean(axis=0)[self.column], 0.0)
@@ -94,7 +103,9 @@ class Axis:
     information: Array  # (b,) of the constant
     cross: Array  # (b, c) constant by column
     square: Array  # (b, c) columns by themselves
-    walk: Array  # (b, d, m) whitened modes of a walk
+    walk: Array  # (b, d, m) whitened modes of a walk, turned until they are orthogonal
+    walk_cross: Array  # (b, m) constant by mode
+    walk_square: Array  # (b, m) modes by themselves
     half_log_det: Array  # (b,) log of the determinant of the root of the covariance
 
 
@@ -124,6 +135,12 @@ def law(seconds: float, sensor: Sensor, *, known: bool, accel: bool, bumped: tup
     return law_of(seconds, sensor, known=known, accel=accel, bumped=bumped)
 
 
+@lru_cache(maxsize=KEPT)
+def fitted_law(seconds: float, sensor: Sensor, *, known: bool) -> Law:
+    """The law of block means without forces from which tones or bumps were taken; see `noisier` for what that adds."""
+    return law_of(seconds, sensor, known=known, accel=False, fitted=True)
+
+
 def law_of(
     seconds: float,
     sensor: Sensor,
@@ -131,10 +148,10 @@ def law_of(
     known: bool,
     accel: bool,
     bumped: tuple[int, ...] = (),
-    white: Array | None = None,
+    fitted: bool = False,
     tones: tuple[tuple[float, float], ...] = (),
 ) -> Law:
-    """The same with another covariance of the block means' white noise, (COUNT, COUNT), where there are no forces.
+    """The same, not kept; of white noise and drift alone where tones or bumps were `fitted`.
 
     `sensor` is the profile where it is `known`, else it stands for one.
     `tones` are frequencies, Hz, and sizes, rad/s, of sway, of which the accelerometer sees the tilt.
@@ -142,7 +159,7 @@ def law_of(
     gyro, duration = sensor.gyro, seconds * COUNT
     scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
     shapes = _shapes(seconds, scale, accel=accel)
-    samples = _white(gyro.white, gyro.quantisation, seconds, accel=accel) if white is None else white
+    samples = _white(gyro.white, 0.0 if fitted else gyro.quantisation, seconds, accel=accel)
     base = samples.copy()
     base[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
     base[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
@@ -153,7 +170,7 @@ def law_of(
         )
     noise = base + _drifts(replace(gyro, white=0.0) if gyro.flicker or gyro.random_walk else gyro, seconds, accel=accel)
     forces, levels = forces_of(sensor.accel) if accel else (np.zeros(1), np.zeros((1, 0, 0)))
-    moves = _moves(seconds, len(forces), known=known, fitted=white is not None or bool(tones) or bool(bumped))
+    moves = _moves(seconds, len(forces), known=known, fitted=fitted or bool(tones) or bool(bumped))
     used, number = np.unique(moves.drift * len(forces) + moves.force, return_inverse=True)
     horizontal = noise[used // len(forces)].copy()
     horizontal[:, COUNT:, COUNT:] += levels[used % len(forces)]
@@ -384,7 +401,13 @@ def _axis(
     whiten[:, :COUNT, :COUNT] = own
     if trace is not None:
         whiten[:, :COUNT, COUNT:] = -own @ beside[drift]
-    one, shaped = whiten @ constant, whiten @ columns
+    half_log_det = log_det[drift] + np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
+    return _whitened(whiten, whiten @ constant, whiten @ columns, whiten @ modes, half_log_det)
+
+
+def _whitened(whiten: Array, one: Array, shaped: Array, modes: Array, half_log_det: Array) -> Axis:
+    square, turn = np.linalg.eigh(np.swapaxes(modes, 1, 2) @ modes)
+    walk = modes @ turn
     return Axis(
         whiten=whiten,
         constant=one,
@@ -392,9 +415,42 @@ def _axis(
         information=np.sum(one**2, axis=1),
         cross=(one[:, None, :] @ shaped)[:, 0],
         square=np.sum(shaped**2, axis=1),
-        walk=whiten @ modes,
-        half_log_det=log_det[drift] + np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1),
+        walk=walk,
+        walk_cross=(one[:, None, :] @ walk)[:, 0],
+        walk_square=square,
+        half_log_det=half_log_det,
     )
+
+
+def noisier(under: Law, covariance: Array) -> Law:
+    """The law of the same without forces, with more noise in the block means of every axis, (COUNT, COUNT).
+
+    Tones and bumps that were fitted add noise of low rank, F F' once whitened, to a law that is at hand:
+    (I + F F')^(-1/2) = I - F D F' with D = 1 / (r (1 + r)), r^2 = 1 + F'F, where the columns of F are orthogonal.
+    """
+    size, column = np.linalg.eigh(covariance)
+    some = size > 1e-12 * size[-1]
+    both = [under.horizontal, under.vertical]
+    whiten, one, shaped, modes, log_det = (
+        np.concatenate([getattr(axis, name) for axis in both])
+        for name in ("whiten", "constant", "columns", "walk", "half_log_det")
+    )
+    seen = whiten @ (column[:, some] * np.sqrt(size[some]))
+    size, turn = np.linalg.eigh(np.swapaxes(seen, 1, 2) @ seen)
+    seen, root = seen @ turn, np.sqrt(1 + np.maximum(size, 0.0))
+    less, seen = seen / (root * (1 + root))[:, None, :], np.swapaxes(seen, 1, 2)
+    made = _whitened(
+        whiten - less @ (seen @ whiten),
+        one - (less @ (seen @ one[:, :, None]))[:, :, 0],
+        shaped - less @ (seen @ shaped),
+        modes - less @ (seen @ modes),
+        log_det + np.sum(np.log(root), axis=1),
+    )
+    first = len(under.drift)
+    horizontal, vertical = (
+        Axis(**{name: each[part] for name, each in vars(made).items()}) for part in (slice(first), slice(first, None))
+    )
+    return replace(under, horizontal=horizontal, vertical=vertical)
 
 
 def unit_bias(sensor: Sensor) -> float:

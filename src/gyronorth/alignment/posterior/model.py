@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -158,11 +159,14 @@ def _conclude(
     for one, level in zip(found, levels, strict=True):
         # The vertical, summed over its yaw: (drifts, shapes, biases).
         known, variance = one.law, 1 / one.info_v[:, :, None] + bias + constant
-        each = one.log_v[:, :, None] - 0.5 * np.log(variance) - (one.rate_v[:, :, None] - down) ** 2 / 2 / variance
+        each = (one.rate_v[:, :, None] - down) ** 2 / variance
+        each += np.log(variance, out=variance)
+        each *= -0.5
+        each += one.log_v[:, :, None]
         top = each.max(axis=0, keepdims=True)
-        each = np.exp(each - top)
-        yaws.append(each)
-        upright = np.stack([each[known.yaw_drift == d].sum(axis=0) for d in range(len(DRIFTS))])
+        each -= top
+        yaws.append(np.exp(each, out=each))
+        upright = np.add.reduceat(each, np.searchsorted(known.yaw_drift, np.arange(len(DRIFTS))), axis=0)
         upright = (
             np.log(np.maximum(upright, np.finfo(float).tiny))
             + top
@@ -174,22 +178,25 @@ def _conclude(
         bounds.append(upright.max(axis=2)[known.drift] + one.log_h - np.log(least) + one.log_prior)
     flat = np.concatenate([bound.ravel() for bound in bounds])
     first = np.cumsum([0, *(bound.size for bound in bounds)])
-    order = np.argpartition(-flat, min(FEW, len(flat) - 1))
-    pieces: list[Piece] = []
-    ceiling = -np.inf
-    for some in (order[:FEW], order[FEW:]):
-        some = some[flat[some] > ceiling - FAR]
+
+    def weighed(some: Index) -> Iterator[Piece]:
         for number, one in enumerate(found):
             here = some[(some >= first[number]) & (some < first[number + 1])] - first[number]
             b, s = np.divmod(here, one.info_h.shape[1])
             rate, info = one.rate_h[:, b, s], one.info_h[b, s]
-            size = np.hypot(rate[0], rate[1])
+            size = np.hypot(rate[0], rate[1])[:, None]
             var = 1 / info[:, None] + bias + constant + levels[number][b, None]  # (h, k)
-            c = size[:, None] * north / var
+            c = size * north / var
             log_w = one.log_h[b, s, None] + uprights[number][one.law.drift[b], s] + one.log_prior
-            log_w = log_w - np.log(var) + log_i0e(c) - (size[:, None] - north) ** 2 / 2 / var
-            pieces.append(Piece(number, b, s, log_w, c, rate, info))
-            ceiling = max(ceiling, float(log_w.max(initial=-np.inf)))
+            log_w += log_i0e(c)
+            log_w -= (size - north) ** 2 / 2 / var
+            log_w -= np.log(var, out=var)
+            yield Piece(number, b, s, log_w, c, rate, info)
+
+    few = np.argpartition(-flat, min(FEW, len(flat) - 1))[:FEW]
+    ceiling = max(float(piece.log_weight.max(initial=-np.inf)) for piece in weighed(few))
+    pieces = list(weighed(np.flatnonzero(flat > ceiling - FAR)))
+    ceiling = max(float(piece.log_weight.max(initial=-np.inf)) for piece in pieces)
     rate_z, variance_z = _upright(pieces, found, yaws)
     if np.sqrt(variance_z) > HIDDEN:
         variance_z = EARTH_RATE**2
@@ -200,24 +207,35 @@ def _conclude(
     large = scales.biases > BEYOND * unit_bias(sensor)
     for piece in pieces:
         one = found[piece.number]
-        known, b, s, rate, far = one.law, piece.base, piece.shape, piece.rate, piece.log_weight <= ceiling - FAR
-        w = np.where(far, 0.0, np.exp(piece.log_weight - ceiling))
-        weight.append(w[~far])
-        centre.append(np.repeat(heading_of_rate(rate.T), np.count_nonzero(~far, axis=1)))
-        kappa.append(piece.concentration[~far])
+        known, b, s, rate, near = one.law, piece.base, piece.shape, piece.rate, piece.log_weight > ceiling - FAR
+        w = np.where(near, np.exp(piece.log_weight - ceiling), 0.0)
+        weight.append(w[near])
+        centre.append(np.repeat(heading_of_rate(rate.T), np.count_nonzero(near, axis=1)))
+        kappa.append(piece.concentration[near])
         # Sums of what depends on hypothesis and scale of the bias, then of what depends on the hypothesis alone.
-        lasting = np.log(np.hypot(scales.biases, known.shapes.lasting[:, None]) / unit_bias(sensor))
-        faulty = known.shapes.settles & (known.shapes.size > 1.3 * BEYOND * known.bias)
-        each = w.sum(axis=1)
-        kinds = np.array(known.shapes.kind)[s]
-        row = [np.log(np.array(DRIFTS))[known.drift[b]], np.full(len(b), np.log(one.white)), known.sway[b] > 0]
-        row += [kinds == "tilt", kinds == "settling", kinds == "walk", known.force[b] > 0]
-        row += [rate[0], rate[1], 1 / piece.info, rate[0] ** 2, rate[1] ** 2, levels[piece.number][b]]
-        total, mean = float(each.sum()), np.stack(row) @ each
-        constants = w.sum(axis=0) @ bias + total * constant
-        beyond = each @ faulty[s] + w.sum(axis=0, where=~faulty[s][:, None]) @ large
-        own = [np.sum(w * lasting[s]), *mean[:9], constants, *mean[9:]]
-        told += [*own, total * one.tones, total * one.masked_s, beyond]
+        each, scaled, shapes = w.sum(axis=1), w.sum(axis=0), known.shapes
+        lasting = np.log(np.hypot(scales.biases, shapes.lasting[:, None]) / unit_bias(sensor))
+        faulty = (shapes.settles & (shapes.size > 1.3 * BEYOND * known.bias))[s]
+        by_base = np.bincount(b, each, minlength=len(known.drift))
+        by_shape = np.bincount(s, each, minlength=len(shapes.size))
+        total = float(each.sum())
+        beyond = each @ faulty + (scaled - w[faulty].sum(axis=0)) @ large
+        told += [
+            np.sum(w * lasting[s]),
+            by_base @ np.log(np.array(DRIFTS))[known.drift],
+            total * np.log(one.white),
+            by_base @ (known.sway > 0),
+            *(by_shape @ shapes.of(kind) for kind in ("tilt", "settling", "walk")),
+            by_base @ (known.force > 0),
+            *(rate @ each),
+            scaled @ bias + total * constant,
+            each @ (1 / piece.info),
+            *(rate**2 @ each),
+            by_base @ levels[piece.number],
+            total * one.tones,
+            total * one.masked_s,
+            beyond,
+        ]
     w = np.concatenate(weight)
     told /= w.sum()
     w /= w.sum()
