@@ -11,6 +11,7 @@ import shutil
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from typing import Any, NoReturn
 
@@ -33,6 +34,16 @@ READER_GONE = 141
 
 class _ReaderGone(Exception):
     """Whoever read standard output has gone."""
+
+
+class _Said(io.FileIO):
+    """Standard error: what cannot be written there is lost, and neither ends a command nor changes its exit code."""
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data) or 0
+        except OSError:
+            return len(data)
 
 
 class Commands(TyperGroup):
@@ -122,6 +133,10 @@ class Commands(TyperGroup):
                 setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115  # for as long as the command runs
         if isinstance(sys.stdout, io.TextIOWrapper):
             sys.stdout.reconfigure(errors="backslashreplace")  # a file name may not fit the terminal's encoding
+        if isinstance(sys.stderr, io.TextIOWrapper):
+            with suppress(OSError):  # in a test it is no file
+                said = io.BufferedWriter(_Said(sys.stderr.fileno(), "w", closefd=False))
+                sys.stderr = io.TextIOWrapper(said, sys.stderr.encoding, "backslashreplace", line_buffering=True)
         words = args[0] if args else extra.pop("args", None)
         given = with_bare_increments(list(sys.argv[1:] if words is None else words))
         try:
@@ -130,6 +145,8 @@ class Commands(TyperGroup):
         except (_ReaderGone, BrokenPipeError):
             sys.stdout = None  # type: ignore[assignment]  # nothing is left to flush
             sys.exit(READER_GONE)
+        except SystemExit as end:  # rich gives a code of its own where its reader has gone
+            sys.exit(READER_GONE if end.code == 1 else end.code)
         except (KeyboardInterrupt, typer.Abort):
             _fail("interrupted", 130)
         except Exception as error:
