@@ -39,11 +39,14 @@ OFTEN_LOST = 0.095
 #: Stamps that stray from whole intervals by more than this, in intervals, are not rounded to ticks of one.
 OFF_TICK = 2e-3
 #: Ticks of clocks and of times as they are printed, s; an interval further from them than this, relative, is none.
-TICKS, TICK_TOLERANCE = (1.0, 0.1, 1e-2, 1 / 64, 8e-3, 1e-3, 1e-4, 1e-5, 1e-6), 2e-6
-#: A tick so long, s, is less likely than losses that follow each other by the same number of rows.
+BINARY_TICKS = tuple(2.0**-power for power in range(4, 11))
+TICKS, TICK_TOLERANCE = (1.0, 0.1, 1e-2, *BINARY_TICKS, 8e-3, 1e-3, 1e-4, 1e-5, 1e-6), 2e-6
+#: A tick so long, s, is less likely than losses that follow each other by the same number of rows, but for those above.
 RARE_TICK = 5e-3
 #: Share of the rows over which the interval of late stamps is taken, and the least share of bursts that are alike.
 LAG, ALIKE = 0.125, 0.5
+#: The largest number of rows in a burst that this share of them has is that of a burst of which none is lost.
+COMMON_ROWS = 0.05
 #: Fractions of an interval at random have a median size of 0.25; below this they show a phase.
 CLEAR = 0.2
 #: Steps so close to whole ticks, in ticks, and all but this share of them, are rounded; ticks that hold several rows
@@ -276,20 +279,30 @@ def _is_lossy(step: NDArray[np.float64], found: _Fit, unit: float | None) -> boo
         return unit is not None
     apart = np.diff(np.flatnonzero(step > 1.5 * found.interval))
     regular = float(np.mean(apart == median(apart))) > 1 - 1 / ENOUGH_MOVES
-    return regular and seconds > RARE_TICK and abs(64 * seconds - 1) > TICK_TOLERANCE
+    binary = any(abs(seconds / tick - 1) < TICK_TOLERANCE for tick in BINARY_TICKS)
+    return regular and seconds > RARE_TICK and not binary
 
 
 def _of_bursts(step: NDArray[np.float64]) -> float | None:
-    """The usual time from burst to burst over the usual number of rows in one; None where bursts are not alike."""
+    """The usual time from burst to burst over the usual number of rows in one; None where bursts are not alike.
+
+    Rows that stray from a straight line are fewer in a burst because some are lost: then the most that are usual count.
+    """
     begins = np.flatnonzero(step > 0.5 * np.quantile(step[step > 0], 0.95))
     if len(begins) < 3:
         return None
-    rows, middle = np.diff(begins), median(np.diff(begins))
+    rows = np.diff(begins)
     periods = np.diff(np.cumsum(step)[begins])
-    alike = np.abs(rows - middle) <= USUAL * middle
+    alike = np.abs(rows - median(rows)) <= USUAL * median(rows)
+    alike &= np.abs(periods - median(periods)) <= USUAL * median(periods)
     if alike.mean() < ALIKE:
         return None
-    return float(median(periods) / rows[alike].mean())
+    rows, periods = rows[alike], periods[alike]
+    if float(np.ptp(np.cumsum(rows - rows.mean()))) > STRAIGHT:
+        counts = np.bincount(rows)
+        most = rows == np.flatnonzero(counts > COMMON_ROWS * len(rows))[-1]
+        rows, periods = rows[most], periods[most]
+    return float(periods.mean() / rows.mean())
 
 
 def _beyond_ticks(step: NDArray[np.float64]) -> bool:
