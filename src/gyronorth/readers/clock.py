@@ -45,8 +45,6 @@ TICKS, TICK_TOLERANCE = (1.0, 0.1, 1e-2, *BINARY_TICKS, 8e-3, 1e-3, 1e-4, 1e-5, 
 RARE_TICK = 5e-3
 #: Share of the rows over which the interval of late stamps is taken, and the least share of bursts that are alike.
 LAG, ALIKE = 0.125, 0.5
-#: The largest number of rows in a burst that this share of them has is that of a burst of which none is lost.
-COMMON_ROWS = 0.05
 #: Fractions of an interval at random have a median size of 0.25; below this they show a phase.
 CLEAR = 0.2
 #: Steps so close to whole ticks, in ticks, and all but this share of them, are rounded; ticks that hold several rows
@@ -198,8 +196,11 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
         return ticked
     common, width = usual.mean() >= LEAST_USUAL, len(step)
     if common:
-        if clear and found.flat and (found.moves < ENOUGH_MOVES or _is_lossy(step, found, unit)):
-            return found.interval
+        if clear and found.flat:
+            if found.moves < ENOUGH_MOVES or _is_lossy(step, found, unit):
+                return found.interval
+            if (slower := of_ticks(step, one_each=True)) is not None:
+                return slower
         width = found.longest_late + 1
     mean = _straight(step, unit, width)
     if mean is not None or (common and found.flat and found.lost <= MOST_LOST * len(step)):
@@ -207,6 +208,8 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     if _beyond_ticks(step):
         return np.nan
     bursts = _of_bursts(step)
+    if bursts is not None and np.isnan(bursts):
+        return np.nan
     fits = [found, _refined(step, _of_lags(step) if bursts is None else bursts, unit)]
     best = min(fits, key=lambda fit: fit.spread if fit.lost <= MOST_LOST * len(step) else np.inf)
     return best.interval if best.spread <= UNSTEADY else np.nan
@@ -284,24 +287,26 @@ def _is_lossy(step: NDArray[np.float64], found: _Fit, unit: float | None) -> boo
 
 
 def _of_bursts(step: NDArray[np.float64]) -> float | None:
-    """The usual time from burst to burst over the usual number of rows in one; None where bursts are not alike.
+    """The usual time from burst to burst over the usual number of rows in one.
 
-    Rows that stray from a straight line are fewer in a burst because some are lost: then the most that are usual count.
+    None where bursts are not alike; NaN where so many rows are lost that nothing tells how many a burst has.
     """
     begins = np.flatnonzero(step > 0.5 * np.quantile(step[step > 0], 0.95))
     if len(begins) < 3:
         return None
     rows = np.diff(begins)
     periods = np.diff(np.cumsum(step)[begins])
-    alike = np.abs(rows - median(rows)) <= USUAL * median(rows)
+    alike = np.abs(rows - median(rows)) <= max(1.0, USUAL * median(rows))
     alike &= np.abs(periods - median(periods)) <= USUAL * median(periods)
     if alike.mean() < ALIKE:
         return None
     rows, periods = rows[alike], periods[alike]
-    if float(np.ptp(np.cumsum(rows - rows.mean()))) > STRAIGHT:
+    if float(np.ptp(np.cumsum(rows - rows.mean()))) > STRAIGHT:  # some are lost
         counts = np.bincount(rows)
-        most = rows == np.flatnonzero(counts > COMMON_ROWS * len(rows))[-1]
-        rows, periods = rows[most], periods[most]
+        usual = int(np.argmax(counts))
+        if counts[usual] < ALIKE_ROWS * len(rows) or counts[usual + 1 :].sum() > BEYOND * len(rows):
+            return np.nan
+        rows, periods = rows[rows == usual], periods[rows == usual]
     return float(periods.mean() / rows.mean())
 
 
