@@ -39,8 +39,9 @@ OFTEN_LOST = 0.095
 #: Stamps that stray from whole intervals by more than this, in intervals, are not rounded to ticks of one.
 OFF_TICK = 2e-3
 #: Ticks of clocks and of times as they are printed, s; an interval further from them than this, relative, is none.
-TICKS, TICK_TOLERANCE = (1.0, 0.1, 1e-2, 1 / 64, 8e-3, 1e-3, 1e-4, 1e-5, 1e-6), 2e-6
-#: A tick so long, s, is less likely than losses that follow each other by the same number of rows.
+BINARY_TICKS = tuple(2.0**-power for power in range(4, 11))
+TICKS, TICK_TOLERANCE = (1.0, 0.1, 1e-2, *BINARY_TICKS, 8e-3, 1e-3, 1e-4, 1e-5, 1e-6), 2e-6
+#: A tick so long, s, is less likely than losses that follow each other by the same number of rows, but for those above.
 RARE_TICK = 5e-3
 #: Share of the rows over which the interval of late stamps is taken, and the least share of bursts that are alike.
 LAG, ALIKE = 0.125, 0.5
@@ -195,8 +196,11 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
         return ticked
     common, width = usual.mean() >= LEAST_USUAL, len(step)
     if common:
-        if clear and found.flat and (found.moves < ENOUGH_MOVES or _is_lossy(step, found, unit)):
-            return found.interval
+        if clear and found.flat:
+            if found.moves < ENOUGH_MOVES or _is_lossy(step, found, unit):
+                return found.interval
+            if (slower := of_ticks(step, one_each=True)) is not None:
+                return slower
         width = found.longest_late + 1
     mean = _straight(step, unit, width)
     if mean is not None or (common and found.flat and found.lost <= MOST_LOST * len(step)):
@@ -204,6 +208,8 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     if _beyond_ticks(step):
         return np.nan
     bursts = _of_bursts(step)
+    if bursts is not None and np.isnan(bursts):
+        return np.nan
     fits = [found, _refined(step, _of_lags(step) if bursts is None else bursts, unit)]
     best = min(fits, key=lambda fit: fit.spread if fit.lost <= MOST_LOST * len(step) else np.inf)
     return best.interval if best.spread <= UNSTEADY else np.nan
@@ -276,20 +282,32 @@ def _is_lossy(step: NDArray[np.float64], found: _Fit, unit: float | None) -> boo
         return unit is not None
     apart = np.diff(np.flatnonzero(step > 1.5 * found.interval))
     regular = float(np.mean(apart == median(apart))) > 1 - 1 / ENOUGH_MOVES
-    return regular and seconds > RARE_TICK and abs(64 * seconds - 1) > TICK_TOLERANCE
+    binary = any(abs(seconds / tick - 1) < TICK_TOLERANCE for tick in BINARY_TICKS)
+    return regular and seconds > RARE_TICK and not binary
 
 
 def _of_bursts(step: NDArray[np.float64]) -> float | None:
-    """The usual time from burst to burst over the usual number of rows in one; None where bursts are not alike."""
+    """The usual time from burst to burst over the usual number of rows in one.
+
+    None where bursts are not alike; NaN where so many rows are lost that nothing tells how many a burst has.
+    """
     begins = np.flatnonzero(step > 0.5 * np.quantile(step[step > 0], 0.95))
     if len(begins) < 3:
         return None
-    rows, middle = np.diff(begins), median(np.diff(begins))
+    rows = np.diff(begins)
     periods = np.diff(np.cumsum(step)[begins])
-    alike = np.abs(rows - middle) <= USUAL * middle
+    alike = np.abs(rows - median(rows)) <= max(1.0, USUAL * median(rows))
+    alike &= np.abs(periods - median(periods)) <= USUAL * median(periods)
     if alike.mean() < ALIKE:
         return None
-    return float(median(periods) / rows[alike].mean())
+    rows, periods = rows[alike], periods[alike]
+    if float(np.ptp(np.cumsum(rows - rows.mean()))) > STRAIGHT:  # some are lost
+        counts = np.bincount(rows)
+        usual = int(np.argmax(counts))
+        if counts[usual] < ALIKE_ROWS * len(rows) or counts[usual + 1 :].sum() > BEYOND * len(rows):
+            return np.nan
+        rows, periods = rows[rows == usual], periods[rows == usual]
+    return float(periods.mean() / rows.mean())
 
 
 def _beyond_ticks(step: NDArray[np.float64]) -> bool:

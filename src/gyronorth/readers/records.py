@@ -216,9 +216,11 @@ def _of_rows(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
     for objects in parts:
         if not all(isinstance(each, dict) for each in objects):
             raise InputError(f"{name} holds JSON that is no list of objects; one object for each sample is expected.")
+        objects = [sample for each in objects for sample in _unrolled(each)]
         if objects and not places:
             for each in objects[:COMPARED]:
                 places |= dict(_leaves(each))
+            places = _without_number(places)
             if len(places) < FEWEST:
                 raise InputError(
                     f"{name} holds JSON objects of {', '.join(places) or 'no numbers'}; three rates are expected."
@@ -231,6 +233,28 @@ def _of_rows(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
             )
         columns = [[_cell(each, place) for each in objects] for place in places.values()]
         yield "".join(",".join(row) + "\n" for row in zip(*columns, strict=True)).encode()
+
+
+def _unrolled(value: dict[str, Any]) -> list[dict[str, Any]]:
+    """The samples of an object that holds several of them: lists of objects of one length, one sensor each."""
+    lists = [each for _, each in _lists(value) if len(each) > 1 and all(isinstance(one, dict) for one in each)]
+    if not lists or len({len(each) for each in lists}) > 1:
+        return [value]
+
+    def one(part: Any, i: int) -> Any:
+        if any(part is each for each in lists):
+            return part[i]
+        return {key: one(each, i) for key, each in part.items()} if isinstance(part, dict) else part
+
+    return [one(value, i) for i in range(len(lists[0]))]
+
+
+def _without_number(places: dict[str, tuple[str | int, ...]]) -> dict[str, tuple[str | int, ...]]:
+    """Titles without a number at their beginning that all of them share, as that of a device."""
+    first = {title.partition(".")[0] for title in places}
+    if len(first) != 1 or not first.pop().isdigit() or not all("." in title for title in places):
+        return places
+    return {title.partition(".")[2]: place for title, place in places.items()}
 
 
 def _leaves(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str, tuple[str | int, ...]]]:

@@ -31,8 +31,11 @@ BEYOND, LATE = 0.003, 10
 MOST_PARTS, ALIKE, FITS = 8, 0.15, 0.35
 
 
-def of_ticks(step: NDArray[np.float64]) -> float | None:
+def of_ticks(step: NDArray[np.float64], *, one_each: bool = False) -> float | None:
     """The sample interval by the line of the rows on ticks, in the unit of `step`, (n,), from stamp to stamp.
+
+    With `one_each` also where no tick holds more than one row: ticks are a little shorter than the interval, or they
+    are the interval and every tick without a row is a loss, which only the line tells.
 
     None where stamps stand on no ticks, or none is lost, or no line stands out: then the stamps tell by other means.
     """
@@ -40,9 +43,13 @@ def of_ticks(step: NDArray[np.float64]) -> float | None:
     if tick is None:
         return None
     whole = np.rint(step / tick).astype(np.int64)
+    if not whole.any():
+        return None
     usual = float(np.median(whole[whole > 0]))
     gap = whole > GAP * usual
-    if np.mean((whole == 0) | (whole % usual != 0)) < BEYOND:  # an interval of so many ticks, and losses
+    if (
+        not one_each and np.mean((whole == 0) | (whole % usual != 0)) < BEYOND
+    ):  # an interval of so many ticks, and losses
         return None
     at = np.concatenate([[0], np.cumsum(whole)])
     rows = len(step) / max(float(at[-1]) - float(whole[gap].sum()), 1.0)

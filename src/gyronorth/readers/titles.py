@@ -57,7 +57,7 @@ OTHER_WORDS = frozenset(
 )
 TIME_WORDS = frozenset(
     """
-    tv tout datenum filetime mjd jd gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
+    tv tout datenum filetime mjd jd cts gpstow itow gpssec gpsseconds millisecond microsecond nanosecond
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo

@@ -183,7 +183,9 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
     declared = dict(options.columns or {})
     if layout.titles:
         chosen = by_titles(layout, parts, options, preset)
-        return replace(chosen, columns=chosen.columns | declared)
+        chosen = replace(chosen, columns=chosen.columns | declared)
+        open_ = not any(ours in chosen.columns for ours in options.needed) and layout.rows
+        return (_by_numbers(layout, options, declared, name) or chosen) if open_ else chosen
     if all(ours in declared for ours in options.needed):
         return Chosen(declared)
     lead = f"{name} has no header: its row {layout.row + 1} is already numbers."
@@ -198,6 +200,19 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
         columns,
         questions=(Question(f"{lead} By its first rows {question.says}", ("--columns", columns_text(columns))),),
     )
+
+
+def _by_numbers(
+    layout: TextLayout, options: ReadOptions, declared: Mapping[str, str | int], name: str
+) -> Chosen | None:
+    """What the numbers of a file say whose titles say nothing of a sensor; the user must agree."""
+    found = by_numbers(layout, options.needed)
+    if found is None:
+        return None
+    columns = found.columns | declared
+    titles = ", ".join(title[:20] for title in layout.titles[:8]) + (", ..." if len(layout.titles) > 8 else "")
+    says = f"No title of {name} is known: {titles}. By its first rows {found.questions[0].says}"
+    return Chosen(columns, questions=(Question(says, ("--columns", columns_text(columns)), certain=False),))
 
 
 def _counting(chosen: Chosen, layout: TextLayout, positions: Mapping[str, int], options: ReadOptions) -> Chosen:
