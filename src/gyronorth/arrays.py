@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +18,25 @@ Index = NDArray[np.int64]
 def mean_of_rows(x: Array) -> Array:
     """Mean (..., k) over the rows of `x` (..., n, k), bit for bit that of numpy, four times as fast for few columns."""
     return np.asarray(np.einsum("...tk->...k", x) / x.shape[-2])
+
+
+def picked(whole: Any, index: Any) -> Any:
+    """Some of the leading entries of an array, or of every array of a dataclass; numbers and None are of all."""
+    if is_dataclass(whole) and not isinstance(whole, type):
+        return replace(whole, **{name: picked(each, index) for name, each in _fields(whole)})
+    return whole[index] if isinstance(whole, np.ndarray) and whole.ndim else whole
+
+
+def _fields(of: Any) -> list[tuple[str, Any]]:
+    return [(field.name, getattr(of, field.name)) for field in fields(of)]
+
+
+def stacked(every: Sequence[Any]) -> Any:
+    """The reverse of `picked`: arrays, numbers and dataclasses of these, one of each recording, as one."""
+    first = every[0]
+    if is_dataclass(first) and not isinstance(first, type):
+        return replace(first, **{name: stacked([getattr(each, name) for each in every]) for name, _ in _fields(first)})
+    return first if first is None else np.stack(every)
 
 
 def median(x: Array, axis: int | None = None) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from gyronorth.alignment.closed_form import align_mean
 from gyronorth.alignment.motion import MotionStatistics, motion_statistics
 from gyronorth.alignment.result import Attitude
-from gyronorth.arrays import Array
+from gyronorth.arrays import Array, picked
 from gyronorth.attitude import mat_lb
 from gyronorth.conditioning import decimate
 from gyronorth.sensor import Sensor
@@ -109,6 +109,10 @@ class Problem:
         return replace(self, gyro_b=self.gyro_b[..., part, :], accel_b=accel_b)
 
     def __getitem__(self, index: Any) -> Problem:
-        """Some recordings of a batch, by an index of the leading dimensions."""
+        """Some recordings of a batch, by an index of the leading dimensions, with what has been worked out of them."""
         accel_b = None if self.accel_b is None else self.accel_b[index]
-        return replace(self, gyro_b=self.gyro_b[index], accel_b=accel_b)
+        some = replace(self, gyro_b=self.gyro_b[index], accel_b=accel_b)
+        for name in ("mean", "mat_lb", "motion"):
+            if name in vars(self):
+                vars(some)[name] = picked(vars(self)[name], index)
+        return some

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
 
 from gyronorth import catalogue
 from gyronorth.alignment.gates import length_finding
 from gyronorth.alignment.problem import Problem
-from gyronorth.alignment.result import Result, unknown
+from gyronorth.alignment.result import Result, together, unknown
 from gyronorth.arrays import Mask
 from gyronorth.catalogue import MethodInfo
 from gyronorth.errors import InputError
@@ -203,8 +203,9 @@ def solve(name: str, problem: Problem, options: Options) -> Result:
 def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mask, Problem, Result]]:
     """Results of a batch, shape (n,), in groups: which recordings, their problem, and what was found.
 
-    Recordings that the method works at once are one group; each of the others is one of its own, solved as a single
-    recording is, or by `solve_many` side by side, so that a batch and its recordings one by one give the same.
+    Recordings that the method works at once are one group, and so are those that `solve_many` works side by side and
+    all of which have a claim to judge; each of the others is one of its own, solved as a single recording is. So a
+    batch and its recordings one by one give the same.
     """
     method, everything = check(name, problem, options), np.ones(problem.shape, dtype=bool)
     too_short = length_finding(problem.gyro_b.shape[-2], problem.duration)
@@ -212,11 +213,15 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
         return [(everything, problem, unknown(problem.mean, refusals=(too_short,)))]
     if METHODS.info(name).batched:
         return [(everything, problem, method.solve(problem, options))]
-    ones = [problem[index] for index in range(len(everything))]
     many = getattr(method, "solve_many", None)
-    if many is not None and options.deviation is None:
-        results: list[Result] = many(ones, options)
-    else:
+    if many is None or options.deviation is not None:
+        ones = [problem[index] for index in range(len(everything))]
         results = [solve(name, one, options) for one in ones]
+    else:
+        _ = problem.motion  # worked out for all at once, and handed on
+        ones = [problem[index] for index in range(len(everything))]
+        results = cast("list[Result]", many(ones, options))
+        if all(result.judged is not None and not result.refusals for result in results):
+            return [(everything, problem, together(results))]
     places = np.arange(len(everything))
     return [(places == place, one, result) for place, (one, result) in enumerate(zip(ones, results, strict=True))]

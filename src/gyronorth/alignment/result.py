@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gyronorth.arrays import Array, Mask
+from gyronorth.arrays import Array, Mask, stacked
 from gyronorth.estimate import DisturbanceFound, HeadingDensity, Pose, SensorErrors, Turn
 from gyronorth.findings import Finding
 from gyronorth.uncertainty import SIGMA_UNKNOWN
@@ -91,6 +91,19 @@ class Result:
     def total(self) -> Array:
         """Variance of a horizontal rate component from all terms, (rad/s)^2."""
         return sum(self.variance.values(), np.zeros(()))
+
+
+def together(results: Sequence[Result]) -> Result:
+    """Results of single recordings by one method as that of a batch, without what is told of one recording only."""
+    first = results[0]
+    return Result(
+        first.method,
+        stacked([result.attitude for result in results]),
+        stacked([result.posterior for result in results]),
+        {name: np.stack([result.variance[name] for result in results]) for name in first.variance},
+        np.stack([result.arm for result in results]),
+        judged=stacked([result.judged for result in results]),
+    )
 
 
 def unknown(attitude: Attitude, *, method: str = "mean", why: str = "asked for", **told: object) -> Result:

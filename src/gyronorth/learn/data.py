@@ -20,7 +20,9 @@ from gyronorth.deviation import FEWEST
 from gyronorth.earth import earth_rate_n
 from gyronorth.errors import InputError
 from gyronorth.learn.settings import Settings
-from gyronorth.readers import ReadOptions, read, recordings_in
+from gyronorth.many.reading import read_each
+from gyronorth.many.sources import recordings
+from gyronorth.readers import ReadOptions
 from gyronorth.recording import LATITUDE_CONFLICT, Recording
 
 Array = NDArray[np.float64]
@@ -179,7 +181,7 @@ def own_data(folder: str | Path, *, settings: Settings, reading: ReadOptions | N
     """
     given = None if reading is None else reading.latitude
     parts, seen, latitudes, sessions = [], [], [], []
-    for number, recording in enumerate(_known_recordings(Path(folder), reading)):
+    for number, recording in enumerate(_known_recordings(folder, reading)):
         parts.append(_window(recording, number, rate_hz=settings.rate_hz, samples=settings.samples))
         sessions.append(recording.session)
         latitude = recording.latitude if given is None else given
@@ -234,12 +236,12 @@ def _session(sessions: list[str | None]) -> str | None:
     return ", ".join(names) if len(names) <= 3 else f"{len(names)} sessions"
 
 
-def _known_recordings(folder: Path, reading: ReadOptions | None) -> Iterator[Recording]:
-    for path in recordings_in(folder):
-        recording = read(path, reading or ReadOptions())
+def _known_recordings(folder: str | Path, reading: ReadOptions | None) -> Iterator[Recording]:
+    items = recordings([folder])
+    for item, recording in zip(items, read_each(items, reading), strict=True):
         if recording.heading_true is None:
             raise InputError(
-                f"{path} has no reference heading, which training needs. "
+                f"{item.address} has no reference heading, which training needs. "
                 "Give it as `# heading_true_deg: ...` or in the name of a file of the published layout."
             )
         yield recording

@@ -1,15 +1,21 @@
-"""Recordings behind a URL: fetched whole into a temporary folder, since most formats seek."""
+"""Recordings behind a URL: fetched whole into a temporary folder, since most formats seek.
+
+Of a zip archive of several, each is one, as ARCHIVE.zip/FILE; an archive is fetched once for all that follow one
+another, as long as the server says that it is the same.
+"""
 
 from __future__ import annotations
 
 import os
 import re
+import threading
 import time
+import weakref
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 from gyronorth.errors import InputError
 from gyronorth.many.cache import private_folder, room_for
@@ -19,10 +25,15 @@ ATTEMPTS, PAUSE = 3, 0.5
 #: How long a web server may say nothing, s, and states of its that may pass although they blame the request.
 SILENCE, PASSING = 30.0, (408, 425, 429)
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
+_IN_ARCHIVE = re.compile(r"(.+?\.zip)/(.+)", re.IGNORECASE | re.DOTALL)
 
 
 class NotFetched(InputError):
     """A file that did not come: another run may have it."""
+
+
+class Absent(NotFetched):
+    """A file that is not there."""
 
 
 def is_url(address: str) -> bool:
@@ -31,25 +42,32 @@ def is_url(address: str) -> bool:
 
 
 def urls_of(url: str) -> list[str]:
-    """The recordings that a URL names: itself, those of a folder, those that match a pattern with `*`.
+    """The recordings that a URL names: itself, those of a folder or an archive, those that match a pattern with `*`.
 
     Raises
     ------
     InputError
         If fsspec or its part for this protocol is not installed, the place cannot be listed, or holds no recording.
     """
+    files = _files_of(url)
+    return [each for file in files for each in _inside(file, others=files == [url])]
+
+
+def _files_of(url: str) -> list[str]:
+    """The files that a URL names, archives among them."""
+    from gyronorth.readers.archive import inner_suffix
     from gyronorth.readers.registry import FORMATS
 
-    if url.startswith("file://") or url.lower().startswith(("http://", "https://")):
+    if _is_web(url) or _split(url) is not None:
         return [url]
     filesystem, path = _filesystem(url)
+    known = (*FORMATS.suffixes, ".zip")
     try:
         if "*" in path:
             found = [filesystem.unstrip_protocol(name) for name in sorted(filesystem.glob(path))]
         elif filesystem.isdir(path):
             names = (name for name in sorted(filesystem.find(path)) if not _hidden(name[len(path) :]))
-            known = (name for name in names if PurePosixPath(name).suffix.lower() in FORMATS.suffixes)
-            found = [filesystem.unstrip_protocol(name) for name in known]
+            found = [filesystem.unstrip_protocol(name) for name in names if inner_suffix(PurePosixPath(name)) in known]
         else:
             return [url]
     except Exception as error:
@@ -57,6 +75,20 @@ def urls_of(url: str) -> list[str]:
     if not found:
         raise InputError(f"{url} holds no recordings. Check the address.")
     return found
+
+
+def _inside(url: str, *, others: bool) -> list[str]:
+    """A file itself, or each recording of a zip archive of several, see `recordings_inside`."""
+    from gyronorth.readers import recordings_inside
+
+    if not _is_archive(url):
+        return [url]
+    try:
+        path = _archive(url)
+    except NotFetched:  # reading it will tell
+        return [url]
+    found = recordings_inside(path, others=others)
+    return [url] if found == [path] else [_joined(url, each.relative_to(path).as_posix()) for each in found]
 
 
 @contextmanager
@@ -68,27 +100,104 @@ def at_hand(address: str) -> Generator[Path]:
     InputError
         If it cannot be fetched in `ATTEMPTS` attempts.
     """
-    if not is_url(address):
-        yield Path(address)
-    elif address.startswith("file://"):
-        yield Path(unquote(urlsplit(address).path))
-    else:
-        with private_folder() as folder:
-            path = folder / (PurePosixPath(unquote(urlsplit(address).path)).name or "recording")
-            _fetch(address, path)
-            yield path
+    if not is_url(address) or is_local(address):
+        yield local_path(address)
+        return
+    if (place := _in_archive(address)) is not None:
+        yield place
+        return
+    with private_folder() as folder:
+        path = folder / _name_of(address)
+        _fetch(address, path)
+        yield path
+
+
+def is_local(address: str) -> bool:
+    """Whether a URL is of a file of this machine."""
+    return address.lower().startswith("file://")
+
+
+def local_path(address: str) -> Path:
+    """The path of a path or a URL `file://`."""
+    return Path(unquote(urlsplit(address).path)) if is_local(address) else Path(address)
 
 
 def state_of(address: str) -> str:
     """What the server says of the content of a URL without sending it, `etag:...`; empty where it says nothing."""
-    if not is_url(address) or address.startswith("file://"):
+    if not is_url(address) or is_local(address):
         return ""
-    filesystem, path = _filesystem(address)
+    archive, member = _split(address) or (address, "")
+    filesystem, path = _filesystem(archive)
     try:
         tag = filesystem.info(path).get("ETag")
     except Exception:  # fetching it will tell, and tries more than once
         return ""
-    return f"etag:{str(tag).replace(chr(34), '')}" if tag else ""
+    return f"etag:{str(tag).replace(chr(34), '')}{f' {member}' if member else ''}" if tag else ""
+
+
+class _Held:
+    """The archive that a thread fetched last, in its private folder until it fetches another or ends."""
+
+    def __init__(self, url: str, state: str) -> None:
+        self.url, self.state, folder = url, state, ExitStack()
+        weakref.finalize(self, folder.close)
+        self.path = folder.enter_context(private_folder()) / _name_of(url)
+        _fetch(url, self.path)
+
+
+_HELD = threading.local()
+
+
+def _archive(url: str) -> Path:
+    """An archive, fetched if it is not the one that is here; without a state of the server it is never."""
+    held, state = getattr(_HELD, "last", None), state_of(url)
+    if held is None or held.url != url or not state or held.state != state:
+        _HELD.last = held = None  # its folder goes first
+        held = _HELD.last = _Held(url, state)
+    return held.path
+
+
+def _in_archive(address: str) -> Path | None:
+    """The path of an archive, or of a file in one, that is behind a URL; None for another file."""
+    if _is_archive(address):
+        return _archive(address)
+    if (inside := _split(address)) is None:
+        return None
+    try:
+        return _archive(inside[0]) / inside[1]
+    except Absent:  # a folder by such a name
+        return None
+
+
+def _is_archive(url: str) -> bool:
+    return _name_of(url).lower().endswith(".zip")
+
+
+def _name_of(url: str) -> str:
+    """The name of the file behind a URL."""
+    path = unquote(urlsplit(url).path) if _is_web(url) else url.split("://", 1)[1]
+    return PurePosixPath(path).name or "recording"
+
+
+def _is_web(url: str) -> bool:
+    return url.lower().startswith(("http://", "https://"))
+
+
+def _split(url: str) -> tuple[str, str] | None:
+    """The URL of the archive and the file in it of ARCHIVE.zip/FILE; a query belongs to the archive."""
+    place, mark, query = url.partition("?") if _is_web(url) else (url, "", "")
+    inside = _IN_ARCHIVE.fullmatch(place)
+    if inside is None:
+        return None
+    return inside[1] + mark + query, unquote(inside[2]) if _is_web(url) else inside[2]
+
+
+def _joined(url: str, member: str) -> str:
+    """The reverse of `_split`."""
+    if not _is_web(url):
+        return f"{url}/{member}"
+    place, mark, query = url.partition("?")
+    return f"{place}/{quote(member)}{mark}{query}"
 
 
 def checksum_of(path: Path) -> str:
@@ -139,7 +248,7 @@ def _fetch(url: str, path: Path) -> None:
                 raise ConnectionError(f"{path.stat().st_size} of {size} bytes came")
             return
         except FileNotFoundError:
-            raise NotFetched(f"There is no file {url}.") from None
+            raise Absent(f"There is no file {url}.") from None
         except PermissionError as error:
             raise NotFetched(f"{url} may not be read ({_short(error)}). Check the access to it.") from None
         except InputError as error:
@@ -159,7 +268,7 @@ def _fetch(url: str, path: Path) -> None:
 
 def _patience(url: str) -> dict[str, Any]:
     """Options of a web server: one that says nothing for long is given up, a file may take as long as it comes."""
-    if not url.lower().startswith(("http://", "https://")):
+    if not _is_web(url):
         return {}
     import aiohttp
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from gyronorth.errors import InputError
-from gyronorth.many.remote import is_url, urls_of
+from gyronorth.many.remote import is_local, is_url, local_path, urls_of
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,9 @@ def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
     ----------
     sources : iterable of str or path
         Files; folders, with the recordings in them and below; zip archives, with those in them, named
-        ARCHIVE.zip/FILE where there are several; patterns such as `data/**/*.csv`; URLs; lists, as
-        `@files.txt`, or `@-` for standard input, one source a line, paths counted from the working folder, empty
-        lines and those that begin with # left out.
+        ARCHIVE.zip/FILE where there are several, behind a URL too; patterns such as `data/**/*.csv`; URLs; lists, as
+        `@files.txt`, or `@-` for standard input, one source a line, paths counted from the working folder, or from
+        that of the list where nothing is there, empty lines and those that begin with # left out.
 
     Returns
     -------
@@ -61,7 +62,7 @@ def names_one(source: str) -> bool:
     from gyronorth.readers import is_bag_folder, recordings_inside
 
     if is_url(source):
-        return urls_of(source) == [source]
+        return _found(source) == [source]
     if os.path.exists(source):
         path = Path(source)
         return is_bag_folder(path) if path.is_dir() else recordings_inside(path) == [path]
@@ -74,8 +75,8 @@ def _listed(source: str) -> Iterator[str]:
         yield source
         return
     try:
-        text = sys.stdin.buffer.read().decode() if source == "@-" else Path(source[1:]).read_text(encoding="utf-8-sig")
-        lines = text.splitlines()
+        content = sys.stdin.buffer.read() if source == "@-" else Path(source[1:]).read_bytes()
+        lines = re.split("\r\n|\n|\r", content.decode("utf-8-sig"))
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise InputError(
@@ -84,7 +85,23 @@ def _listed(source: str) -> Iterator[str]:
     named = [text for line in lines if (text := line.strip()) and not text.startswith("#")]
     if not named:
         raise InputError(f"The list {source[1:]} names no recordings; one a line is expected.")
-    yield from named
+    yield from named if source == "@-" else (_beside(text, os.path.dirname(source[1:])) for text in named)
+
+
+def _beside(text: str, folder: str) -> str:
+    """A line of a list that lies in a folder: counted from there where nothing is there from the working folder."""
+    if is_url(text) or _is_there(text) or not _is_there(beside := os.path.join(folder, text)):
+        return text
+    return beside
+
+
+def _is_there(source: str) -> bool:
+    if os.path.exists(source):
+        return True
+    inside = source.lower().find(".zip/")
+    if inside >= 0:
+        return os.path.isfile(source[: inside + 4])
+    return glob.has_magic(source) and any(glob.iglob(source, recursive=True))
 
 
 def _found(source: str) -> list[str]:
@@ -92,6 +109,10 @@ def _found(source: str) -> list[str]:
     from gyronorth.readers import is_bag_folder, recordings_in, recordings_inside
     from gyronorth.readers.registry import natural_order
 
+    if is_local(source):
+        path = str(local_path(source))
+        found = _found(path)
+        return [source] if found == [path] else [Path(os.path.abspath(each)).as_uri() for each in found]
     if is_url(source):
         return urls_of(source)
     if os.path.isdir(source) and not is_bag_folder(Path(source)):

@@ -89,22 +89,25 @@ def public_set(folder: str) -> PublicSet:
     """
     from gyronorth.attitude import level, mat_lb
     from gyronorth.conditioning import decimated
-    from gyronorth.readers import read, recordings_in
+    from gyronorth.many.reading import read_each
+    from gyronorth.many.sources import Item, recordings
 
-    named: list[Path] = []
+    named: list[Item] = []
     with suppress(InputError):  # what was expected is said below
-        named = sorted(path for path in recordings_in(folder) if path.match("x_*.csv"))
-    paths = [path for path in named if _RECORDING.fullmatch(path.name)]
-    if not paths:
+        named = sorted(
+            (item for item in recordings([folder]) if Path(item.address).match("x_*.csv")),
+            key=lambda item: Path(item.address),
+        )
+    items = [item for item in named if _RECORDING.fullmatch(Path(item.address).name)]
+    if not items:
         raise InputError(
             f"{folder} holds no files x_<heading>.csv with a number for the heading. Give your clone of "
             "ansfl/Learning-Based-MEMS-Gyrocompassing or its folder data."
         )
     rates, headings = [], []
-    for path in paths:
-        recording = read(path)
+    for item, recording in zip(items, read_each(items), strict=True):
         if recording.heading_true is None:
-            raise InputError(f"{path} has no reference heading; its name should be x_<degrees>.csv.")
+            raise InputError(f"{item.address} has no reference heading; its name should be x_<degrees>.csv.")
         if recording.accel_b is not None:
             recording = recording.rotated(mat_lb(*level(recording.accel_b.mean(axis=0))))
         rates.append(decimated(recording, RATE).gyro_b)
@@ -113,8 +116,8 @@ def public_set(folder: str) -> PublicSet:
     gyro_l = np.stack([rate[:samples] for rate in rates])
     noise = np.sqrt(np.median(np.mean(np.diff(gyro_l, axis=1) ** 2, axis=1)) / 2)
     twin = Twin(gyro_l, np.array(headings), RATE, float(noise / np.sqrt(RATE)))
-    others = tuple(path.name for path in named if path not in paths)
-    return PublicSet(twin, tuple(path.parent.name for path in paths), others)
+    others = tuple(Path(item.address).name for item in named if item not in items)
+    return PublicSet(twin, tuple(Path(item.address).parent.name for item in items), others)
 
 
 def _sha256(recordings: Twin) -> str:

@@ -18,10 +18,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.alignment.tones.elimination import Models, Tones, tones_of
 from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING, TIME_CONSTANT_BINS, TONE_RATE
 from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array, Index, Mask
+from gyronorth.arrays import Array, Mask
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
@@ -46,6 +47,8 @@ WALK, WALK_RATE, WALK_MODES = 0.02, 3 * DEG_PER_HOUR, 6
 
 #: Samples by which the noise law is worked out.
 BLOCK = 300
+#: Samples whose tones follow from one cosine and one sine.
+STRIDE = 64
 TILTS = len(TILT_BINS) - 1
 
 
@@ -100,8 +103,18 @@ class ToneLaw:
 
     def tones(self, frequency: Array) -> Array:
         """Cosines, then sines, (n, 2 f), whitened, in units of their prior deviation."""
-        phase = 2 * np.pi * self.time[:, None] * frequency
-        return self.whitened(np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * (TONE_RATE / np.sqrt(2)))
+        # By the sum formulas from every `STRIDE`th sample and those after it: few cosines are worked out.
+        step = 2 * np.pi * (self.time[1] - self.time[0]) * frequency[:, None]
+        far, near = step * (STRIDE * np.arange(-(-len(self.time) // STRIDE))), step * (np.arange(STRIDE) + 0.5)
+        size = TONE_RATE / np.sqrt(2)
+        cosine, sine = (size * part(near)[:, None] for part in (np.cos, np.sin))
+        far_cosine, far_sine = (part(far)[..., None] for part in (np.cos, np.sin))
+        tones = np.empty((2, *far.shape, STRIDE))
+        np.multiply(far_cosine, cosine, out=tones[0])
+        tones[0] -= far_sine * sine
+        np.multiply(far_sine, cosine, out=tones[1])
+        tones[1] += far_cosine * sine
+        return self.whitened(tones.reshape(2 * len(frequency), far.shape[1] * STRIDE)[:, : len(self.time)].T)
 
 
 @lru_cache(maxsize=16)
@@ -177,10 +190,14 @@ class Evidence:
     second: NDArray[np.int64]  # (m,) of the second
 
     @cached_property
+    def log_posterior(self) -> Array:
+        """Logarithm (s, m) of the probability of each model when nothing is known of the constant, but for a number."""
+        return self.log_weight - 1.5 * np.log(self.information)
+
+    @property
     def posterior(self) -> Array:
-        """Probability (s, m) of each model when nothing is known of the constant."""
-        log_weight = self.log_weight - 1.5 * np.log(self.information)
-        weight = np.exp(log_weight - log_weight.max())
+        """This probability (s, m)."""
+        weight = np.exp(self.log_posterior - self.log_posterior.max())
         return weight / weight.sum()
 
     def shares(self, count: int) -> Array:
@@ -197,21 +214,30 @@ class Columns:
     """One recording's whitened columns, masked samples projected out."""
 
     frequency: Array  # (f,) Hz
-    known: Array  # (n, 4 + k + modes) constant, three axes, what changes slowly
-    tone: Array  # (n, 2 f)
+    every: Array  # (n, 2 f + 4 + k + modes) of tones, then `known`
     bumped: bool  # whether samples are masked
+
+    @property
+    def tone(self) -> Array:
+        """Cosines, then sines, (n, 2 f)."""
+        return self.every[:, : 2 * len(self.frequency)]
+
+    @property
+    def known(self) -> Array:
+        """Constant, three axes, what changes slowly, (n, 4 + k + modes)."""
+        return self.every[:, 2 * len(self.frequency) :]
 
 
 def columns(law: ToneLaw, whitened: Array, masked: Mask, frequency: Array) -> Columns:
     """Columns of one recording, whose whitened rates (n, 3) are given; a masked sample is one more unknown."""
-    known = np.concatenate([law.constant[:, None], whitened, law.settling], axis=1)
-    tone, bumped = law.tones(frequency), bool(masked.any())
+    every = np.concatenate([law.tones(frequency), law.constant[:, None], whitened, law.settling], axis=1)
+    bumped = bool(masked.any())
     if bumped and law.whiten.ndim == 1:
-        known, tone = known * ~masked[:, None], tone * ~masked[:, None]
+        every[masked] = 0.0
     elif bumped:
         basis = np.linalg.qr(law.whiten[:, masked])[0]
-        known, tone = known - basis @ (basis.T @ known), tone - basis @ (basis.T @ tone)
-    return Columns(frequency, known, tone, bumped)
+        every -= basis @ (basis.T @ every)
+    return Columns(frequency, every, bumped)
 
 
 def evidence(law: ToneLaw, seen: Columns, log_prior: Array, *, scale: float = 1.0) -> Evidence:
@@ -222,105 +248,71 @@ def evidence(law: ToneLaw, seen: Columns, log_prior: Array, *, scale: float = 1.
 def evidences(
     law: ToneLaw, seen: Sequence[Columns], log_prior: Sequence[Array], scale: Sequence[float]
 ) -> list[Evidence]:
-    """The same of several recordings with as many frequencies each, worked as one array (b recordings).
+    """The same of several recordings (b), whose models (M in all) are worked as one array.
 
-    Unknowns are eliminated one after the other, slow change, tone, tone, by Schur complements.
+    Unknowns are eliminated one after the other by Schur complements: the modes of a walk, where there is one, then
+    tones, then the exponential, where there is one. So tones are worked twice, however many exponentials there are.
     """
-    f, k = len(log_prior[0]), len(law.share)
-    pairs = list(zip(seen, scale, strict=True))
-    inner = np.stack([one.known.T @ one.known / size**2 for one, size in pairs])
-    gram = np.stack([one.tone.T @ one.tone / size**2 for one, size in pairs])
-    cross = np.stack([one.tone.T @ one.known / size**2 for one, size in pairs])
-    # Slow change is the last axis: no change, k exponentials, a walk. Its columns are made orthonormal.
-    exponential, walk = slice(4, 4 + k), slice(4 + k, None)
-    pivot = np.diagonal(inner, axis1=1, axis2=2)[:, exponential] + 1
-    root = np.sqrt(pivot)[:, None]
-    into, through = inner[:, :4, exponential] / root, cross[:, :, exponential] / root
+    k, counts = len(law.share), [len(prior) for prior in log_prior]
+    slow, walk, models = slice(4, 4 + k), slice(4 + k, None), Models.of(counts)
+    products = [one.every.T @ one.every / size**2 for one, size in zip(seen, scale, strict=True)]
+    gram = [one[: 2 * f, : 2 * f] for one, f in zip(products, counts, strict=True)]
+    cross = [one[2 * f :, : 2 * f] for one, f in zip(products, counts, strict=True)]
+    inner = np.stack([one[2 * f :, 2 * f :] for one, f in zip(products, counts, strict=True)])
     lower = np.linalg.cholesky(inner[:, walk, walk] + np.eye(WALK_MODES))
-    inverse = np.linalg.inv(lower)
-    # One by one: the matrix library sums in another order where they are stacked.
-    into_walk = [one[:4, walk] @ each.T for one, each in zip(inner, inverse, strict=True)]
-    through_walk = [one[:, walk] @ each.T for one, each in zip(cross, inverse, strict=True)]
     log_walk = 2 * np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    log_pivot = np.concatenate([np.zeros((len(seen), 1)), np.log(pivot), log_walk[:, None]], axis=1)
-    walked = np.stack([whole - each @ each.T for whole, each in zip(gram, through_walk, strict=True)])
+    # One by one: the matrix library sums in another order where they are stacked.
+    inverse = np.linalg.inv(lower)
+    into = [root @ one[walk, :4] for root, one in zip(inverse, inner, strict=True)]
+    through = [root @ one[walk] for root, one in zip(inverse, cross, strict=True)]
+    # Products without a walk, then with it (..., 2, ...).
+    walked = [one - x.T @ x for one, x in zip(gram, through, strict=True)]
+    tones = Tones.of(models, np.stack([_flat(gram), _flat(walked)]))
+    walked = [one[:4] - a.T @ b for one, a, b in zip(cross, into, through, strict=True)]
+    beside = _by_tone(cross, counts)
+    known = tones.explained(np.stack([beside[:4], _by_tone(walked, counts)], axis=1))
+    walked = [one[:4, :4] - x.T @ x for one, x in zip(inner, into, strict=True)]
+    constant = np.stack([inner[:, :4, :4], walked]).transpose(2, 3, 0, 1)
+    first, axes = known[:1].left_of(constant[0], known), known[1:]  # (4, 2, M) of the constant with itself and the axes
+    square = axes.left_of(constant[[1, 2, 3], [1, 2, 3]], axes).sum(axis=0)  # (2, M)
+    # Of each exponential: its own square, and its products with the constant and the axes (k, M).
+    settling = tones.at(0).explained(beside[slow])
+    pivot = settling.left_of(np.diagonal(inner, axis1=1, axis2=2)[:, slow].T + 1, settling)
+    shared = [settling.left_of(inner[:, x, slow].T, known[x, 0]) for x in range(4)]
 
-    def of_tones(rows: Index, columns: Index) -> Array:
-        """Entries (b, m, s) of the matrix of the tones, whose slow change is eliminated."""
-        whole = np.empty((len(seen), len(rows), k + 2))
-        whole[..., 0], whole[..., -1] = gram[:, rows, columns], walked[:, rows, columns]
-        np.multiply(through[:, rows], through[:, columns], out=whole[..., 1:-1])
-        np.subtract(whole[..., :1], whole[..., 1:-1], out=whole[..., 1:-1])
-        return whole
-
-    still, crossed = inner[:, :4, :4, None], cross[:, :, :4].transpose(2, 0, 1)[..., None]
-    walking = np.stack([one[:4, :4] - each @ each.T for one, each in zip(inner, into_walk, strict=True)])[..., None]
-    constant = np.concatenate([still, still - into[:, :, None] * into[:, None], walking], axis=3)
-    rest = _entries(constant[:, 0].transpose(1, 0, 2), np.trace(constant[:, 1:, 1:], axis1=1, axis2=2))  # (5, b, s)
-    drawn = np.stack([
-        one[:, :4].T - a @ b.T for one, a, b in zip(cross, into_walk, through_walk, strict=True)
-    ]).transpose(1, 0, 2)  # fmt: skip
-    settled = crossed - into.transpose(1, 0, 2)[:, :, None] * through
-    p = np.concatenate([crossed, settled, drawn[..., None]], axis=3)  # (4, b, 2 f, s)
-    # Cosine and sine of a frequency, orthonormalised by the Cholesky factor of their 2 x 2 block.
-    own = np.arange(f)
-    a, b, d = of_tones(own, own) + 1, of_tones(own, own + f), of_tones(own + f, own + f) + 1
-    l0 = np.sqrt(a)
-    l10 = b / l0
-    l1 = np.sqrt(d - l10 * l10)
-    q0 = p[:, :, :f] / l0
-    q1 = (p[:, :, f:] - l10 * q0) / l1
-    log_det_one = 2 * np.log(l0 * l1)
-    single = rest[:, :, None] - _squares(q0) - _squares(q1)  # (5, b, f, s)
-    # Off-diagonal blocks in the same orthonormal coordinates: m = L_i^-1 G_ij L_j^-T.
-    i, j = _pairs(f)
-    i0, i10, i1, j0, j10, j1 = (each.take(which, axis=1) for which in (i, j) for each in (l0, l10, l1))
-    m00, m01 = of_tones(i, j) / i0, of_tones(i, f + j) / i0
-    m10, m11 = (of_tones(f + i, j) - i10 * m00) / i1, (of_tones(f + i, f + j) - i10 * m01) / i1
-    m00, m10 = m00 / j0, m10 / j0
-    m01, m11 = (m01 - m00 * j10) / j1, (m11 - m10 * j10) / j1
-    s00, s01, s11 = 1 - m00 * m00 - m10 * m10, -m00 * m01 - m10 * m11, 1 - m01 * m01 - m11 * m11
-    det = s00 * s11 - s01 * s01
-    q0_i, q1_i, k0, k1 = q0.take(i, axis=2), q1.take(i, axis=2), q0.take(j, axis=2), q1.take(j, axis=2)
-    k0 -= m00 * q0_i + m10 * q1_i
-    k1 -= m01 * q0_i + m11 * q1_i
-    k0 -= s01 / s11 * k1
-    k0 *= np.sqrt(s11 / det)
-    k1 *= 1 / np.sqrt(s11)
-    double = single.take(i, axis=2)
-    double -= _squares(k0)
-    double -= _squares(k1)
-
-    total = np.concatenate([rest[:, :, None], single, double], axis=2)
-    both = log_det_one.take(i, axis=1) + log_det_one.take(j, axis=1) + np.log(det)
-    log_det = np.concatenate([np.zeros((len(seen), 1, k + 2)), log_det_one, both], axis=1)
-    kinds, prior = np.stack([law.log_kinds[one.bumped].T for one in seen]), np.stack(log_prior)[..., None]
-    of_two = np.log(2) + prior[:, i] + prior[:, j]
-    log_weight = np.concatenate([kinds[:, :1], kinds[:, 1:2] + prior, kinds[:, 2:] + of_two], axis=1)
-    information, product, square = total[0], total[1:4], total[4]
-    rate = product / information
-    left = square - np.einsum("c...,c...->...", product, rate)
-    log_weight -= 1.5 * (log_pivot[:, None] + log_det) + 0.5 * left
-    first = np.concatenate([[-1], own, i])
-    second = np.concatenate([np.full(1 + f, -1), j])
+    shape = (k + 2, len(models.owner))
+    information, left, log_weight, rate = np.empty(shape), np.empty(shape), np.empty(shape), np.empty((3, *shape))
+    alone, settled = slice(None, None, k + 1), slice(1, -1)  # no slow change and a walk; exponentials
+    information[alone], left[alone], rate[:, alone] = first[0], square, first[1:]
+    divided = shared[0] / pivot
+    np.subtract(first[0, 0], divided * shared[0], out=information[settled])
+    for axis in range(3):
+        np.subtract(first[axis + 1, 0], divided * shared[axis + 1], out=rate[axis, settled])
+    explained = shared[1] ** 2 + shared[2] ** 2 + shared[3] ** 2
+    np.subtract(square[0], explained / pivot, out=left[settled])
+    for axis in range(3):
+        product = rate[axis].copy()
+        rate[axis] /= information
+        product *= rate[axis]
+        left -= product
+    log_det = -1.5 * tones.log_det
+    log_weight[0] = log_det[0]
+    log_weight[-1] = log_det[1] - 1.5 * log_walk.take(models.owner)
+    np.subtract(log_det[0], 1.5 * np.log(pivot), out=log_weight[settled])
+    left *= 0.5
+    log_weight -= left
+    log_weight += models.log_prior(np.stack([law.log_kinds[one.bumped] for one in seen], axis=1), log_prior)
     return [
-        Evidence(log_weight[n].T, information[n].T, np.swapaxes(rate[:, n], 1, 2), first, second)
-        for n in range(len(seen))
+        Evidence(log_weight[:, low:high], information[:, low:high], rate[:, :, low:high], *tones_of(count))
+        for low, high, count in zip(models.ends[:-1], models.ends[1:], counts, strict=True)
     ]
 
 
-@lru_cache(maxsize=64)
-def _pairs(count: int) -> tuple[Index, Index]:
-    """Numbers of the first and of the second of every two of `count`."""
-    first, second = np.triu_indices(count, 1)
-    return first, second
+def _flat(matrices: Sequence[Array]) -> Array:
+    """The entries of all, and a zero behind them."""
+    return np.concatenate([*(one.ravel() for one in matrices), np.zeros(1)])
 
 
-def _entries(first: Array, squares: Array) -> Array:
-    """What is needed of a symmetric 4 x 4 matrix (5, ...): its first row, and the sum of the others' own entries."""
-    return np.concatenate([first, squares[None]])
-
-
-def _squares(x: Array) -> Array:
-    """The same of the product of `x` (4, ...) with itself."""
-    return _entries(x[0] * x, np.einsum("c...,c...->...", x[1:], x[1:]))
+def _by_tone(matrices: Sequence[Array], counts: Sequence[int]) -> Array:
+    """Columns of products with cosines, then sines (c, 2 f), of all recordings as (c, 2, sum of f)."""
+    return np.concatenate([one.reshape(-1, 2, f) for one, f in zip(matrices, counts, strict=True)], axis=2)

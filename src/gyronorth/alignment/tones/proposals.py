@@ -24,7 +24,7 @@ from gyronorth.alignment.tones.search import UNKNOWN_BIAS, white_of
 from gyronorth.alignment.tones.side_by_side import Proposing, Search, Weighing, searched
 from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
 from gyronorth.angles import mean_direction, wrap_heading
-from gyronorth.arrays import Array, Mask
+from gyronorth.arrays import Array, Mask, median
 from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -145,7 +145,7 @@ def exploring(gyro_l: Array, *, rate_hz: float, errors: TriadErrors, motion: Bou
     """The search of `explored`, for `searched`."""
     known = law(len(gyro_l), rate_hz, errors, motion)
     noise = errors.white * np.sqrt(rate_hz)
-    scaled = (gyro_l - np.median(gyro_l, axis=0)) / noise
+    scaled = (gyro_l - median(gyro_l, axis=0)) / noise
     odds, weight = yield Proposing(scaled.astype(np.float32), *network_axes(len(gyro_l), rate_hz))
     masked = grown(odds > 0)
     if masked.mean() > 0.5:  # nothing would be left to judge by
@@ -193,14 +193,18 @@ class Lines:
 
     def divided(self, share: Array, spacing: float, *, last: bool) -> Lines:
         """Divide those that hold a tone, the likeliest first; leave out those that hold none, if these are the last."""
-        order, total, counts = np.argsort(-share), len(share), list[int]()
-        for expected, whole in zip(share[order].tolist(), (self.parts[order] == 1).tolist(), strict=True):
-            if last and expected < NO_TONE and len(counts) > 1:
-                break
-            parts = next((parts for limit, parts in FINER if whole and expected > limit), 1)
-            counts.append(parts if total + parts - 1 <= MOST else 1)
-            total += counts[-1] - 1
-        made = np.array(counts)
+        order = np.argsort(-share)
+        expected, whole = share[order], self.parts[order] == 1
+        made = np.ones(len(order), dtype=np.int64)
+        for limit, parts in reversed(FINER):
+            made[whole & (expected > limit)] = parts
+        if last:
+            made = made[: max(2, int(np.searchsorted(-expected, -NO_TONE, side="right")))]
+        total = len(share)
+        if total + int((made - 1).sum()) > MOST:
+            for place, parts in enumerate(made.tolist()):
+                made[place] = parts if total + parts - 1 <= MOST else 1
+                total += int(made[place]) - 1
         number, parts = np.repeat(order[: len(made)], made), np.repeat(made, made)
         within = np.arange(len(number)) - np.repeat(np.cumsum(made) - made, made)
         return Lines(
@@ -214,13 +218,13 @@ def _bumped(residual: Array, masked: Mask) -> Mask:
     """Samples that the likeliest model cannot explain; as before if they are too many to be bumps."""
     square = np.sum(residual**2, axis=1)
     # 2.366 is the median of chi-square with 3 degrees of freedom.
-    bumped = grown(square > BUMP_CHI2 * max(1.0, float(np.median(square[~masked])) / 2.366))
+    bumped = grown(square > BUMP_CHI2 * max(1.0, float(median(square[~masked])) / 2.366))
     return bumped if bumped.mean() <= MOST_BUMPED else masked
 
 
 def _residual(known: ToneLaw, whitened: Array, seen: Columns, models: Evidence) -> Array:
     """Whitened residual (n, 3) of all samples from the likeliest model, fitted to those that are not masked."""
-    slow, which = np.unravel_index(np.argmax(models.posterior), models.log_weight.shape)
+    slow, which = np.unravel_index(np.argmax(models.log_posterior), models.log_weight.shape)
     f, k = len(seen.frequency), len(known.share)
     tones = [int(t) for t in (models.first[which], models.second[which]) if t >= 0]
     settles: list[int] = [] if slow == 0 else [int(slow) - 1] if slow <= k else list(range(k, known.settling.shape[1]))
@@ -254,8 +258,7 @@ def _conclude(models: Evidence, latitude: float, biases: Array, *, bumps: int, e
     from scipy.special import i0e
 
     north, down = EARTH_RATE * np.cos(latitude), -EARTH_RATE * np.sin(latitude)
-    log_weight = models.log_weight - 1.5 * np.log(models.information)
-    slow, which = np.nonzero(log_weight > log_weight.max() - FAR)
+    slow, which = np.nonzero(models.log_posterior > models.log_posterior.max() - FAR)
     rate, information = models.rate[:, slow, which], models.information[slow, which]
     variance = 1 / information + biases[:, None] ** 2  # (biases, models)
     size = np.hypot(rate[0], rate[1])
@@ -303,10 +306,11 @@ def posterior(centre: Array, concentration: Array, weight: Array) -> tuple[float
     step = 2 * reach / POINTS
     place = np.clip((off + reach) / step, 0, POINTS - 1).astype(int)
     bins = np.round(10 * np.log(np.maximum(concentration, 1e-3))).astype(int)
-    angle = (np.arange(POINTS) - POINTS // 2) * step
     numbers, row = np.unique(bins, return_inverse=True)
     lines = np.bincount(POINTS * row + place, weight, minlength=POINTS * len(numbers)).reshape(-1, POINTS)
-    kernel = np.exp(np.exp(numbers[:, None] / 10) * (np.cos(np.fft.ifftshift(angle)) - 1))
+    # The kernel is even: one half of it is worked out.
+    half = np.exp(np.exp(numbers[:, None] / 10) * (np.cos(step * np.arange(POINTS // 2 + 1)) - 1))
+    kernel = np.concatenate([half, half[:, POINTS // 2 - 1 : 0 : -1]], axis=1)
     kernel /= kernel.sum(axis=1, keepdims=True)
     density = np.fft.irfft(np.einsum("bf,bf->f", np.fft.rfft(lines), np.fft.rfft(kernel)), POINTS)
     density = np.maximum(density, 0)

@@ -12,11 +12,12 @@ from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
+from gyronorth.alignment.tones.elimination import tones_of
 from gyronorth.alignment.tones.evidence import Columns, ToneLaw, evidences
 from gyronorth.arrays import Array
 
 #: Numbers of an array over models that fit the cache of a core: so many recordings are weighed at once.
-AT_ONCE = 1 << 13
+AT_ONCE = 1 << 16
 
 Found = TypeVar("Found")
 
@@ -63,8 +64,7 @@ def searched(searches: Sequence[Search[Found]], propose: ProposeMany) -> list[Fo
         groups: dict[Any, list[int]] = {}
         for number, request in waiting.items():
             groups.setdefault(_kind(request), []).append(number)
-        # The smallest first: who waits for a step that is alike may be joined by others.
-        numbers = min(groups.values(), key=lambda group: _size(waiting[group[0]]))
+        numbers = max(groups.values(), key=len)  # who waits may be joined by others
         requests = [waiting.pop(number) for number in numbers]
         for number, answer in zip(numbers, _answers(requests, propose), strict=True):
             go_on(number, answer)
@@ -75,11 +75,7 @@ def _kind(request: Request) -> Any:
     """Requests of one kind are worked out at once."""
     if isinstance(request, Proposing):
         return len(request.rate), len(request.cycles)
-    return id(request.law), len(request.log_prior)
-
-
-def _size(request: Request) -> int:
-    return 0 if isinstance(request, Proposing) else len(request.log_prior)
+    return id(request.law)
 
 
 def _answers(requests: Sequence[Request], propose: ProposeMany) -> list[Any]:
@@ -87,15 +83,18 @@ def _answers(requests: Sequence[Request], propose: ProposeMany) -> list[Any]:
     if asked:
         return list(propose(asked))
     weighed = [request for request in requests if isinstance(request, Weighing)]
-    f, slow = len(weighed[0].log_prior), len(weighed[0].law.share) + 2
-    group = max(1, AT_ONCE // ((1 + f + f * (f - 1) // 2) * slow))
-    return [
-        each
-        for start in range(0, len(weighed), group)
-        for each in evidences(
-            weighed[0].law,
-            [one.seen for one in weighed[start : start + group]],
-            [one.log_prior for one in weighed[start : start + group]],
-            [one.scale for one in weighed[start : start + group]],
-        )
-    ]
+    found: list[Any] = []
+    some: list[Weighing] = []
+    size = 0
+    for number, one in enumerate(weighed):
+        some.append(one)
+        size += len(tones_of(len(one.log_prior))[0]) * (len(one.law.share) + 2)
+        if size >= AT_ONCE or number == len(weighed) - 1:
+            found += evidences(
+                one.law,
+                [each.seen for each in some],
+                [each.log_prior for each in some],
+                [each.scale for each in some],
+            )
+            some, size = [], 0
+    return found
