@@ -381,7 +381,7 @@ def read_rows(path: Path) -> list[dict[str, object]]:
     """The rows of a league.csv, as `row` makes them."""
     with path.open(encoding="utf-8", newline="") as file:
         return [
-            {name: value if name in ("set", "program") else float(value) for name, value in one.items()}
+            {name: value if name in ("set", "program") else float(value or "nan") for name, value in one.items()}
             | {"recordings": int(one["recordings"])}
             for one in csv.DictReader(file)
         ]
