@@ -377,6 +377,16 @@ def origin(runs: int) -> str:
     return f"Seed {SEED}, {runs} recordings of a simulated set, commit `{described or 'unknown'}`; {versions}.\n"
 
 
+def read_rows(path: Path) -> list[dict[str, object]]:
+    """The rows of a league.csv, as `row` makes them."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return [
+            {name: value if name in ("set", "program") else float(value or "nan") for name, value in one.items()}
+            | {"recordings": int(one["recordings"])}
+            for one in csv.DictReader(file)
+        ]
+
+
 def draw(rows: list[dict[str, object]], path: Path) -> None:
     """Error over claimed sigma of each program, a line a set: 1 is an honest claim, to the right it is too small."""
     from matplotlib.figure import Figure
@@ -435,14 +445,26 @@ def main(words: list[str]) -> int:
     parser.add_argument("--data", type=Path, help="folder of the real recordings, whose files REAL names")
     parser.add_argument("--output", type=Path, default=Path("out/league"), help="folder of league.csv and league.md")
     parser.add_argument("--page", action="store_true", help="write them into docs/results, and the picture")
-    parser.add_argument("--without", action="append", default=[], choices=list(PROGRAMS), help="leave a program out")
+    parser.add_argument(
+        "--without",
+        action="append",
+        default=[],
+        choices=list(PROGRAMS),
+        help="leave a program out; with --page its rows stay as they are",
+    )
     chosen = parser.parse_args(words)
     rows, about = [], origin(chosen.runs)  # of the files as they are when it starts
+    before = {(one["set"], one["program"]): one for one in read_rows(PAGE.with_suffix("") / "league.csv")}
     real = real_sets(chosen.data) if chosen.data else []
     for data in [*sets(chosen.runs), *real]:
-        for program in (name for name in PROGRAMS if name not in chosen.without):
-            rows.append(row(data, program))
-            print(rows[-1], flush=True)
+        for program in PROGRAMS:
+            if program not in chosen.without:
+                rows.append(row(data, program))
+                print(rows[-1], flush=True)
+            elif chosen.page and (data.name, program) in before:
+                rows.append(before[data.name, program])
+    if chosen.page and chosen.without:
+        about = f"{about.rstrip()} Rows of {' and '.join(chosen.without)} as before.\n"
     output = PAGE.with_suffix("") if chosen.page else chosen.output
     output.mkdir(parents=True, exist_ok=True)
     with (output / "league.csv").open("w", newline="", encoding="utf-8") as file:

@@ -35,7 +35,7 @@ def table() -> str:
 
 
 def _cell(sigma_deg: float) -> str:
-    return "no heading" if sigma_deg > 50 else f"{sigma_deg:.2g}"
+    return "no heading" if sigma_deg > 50 else f"{sigma_deg:#.2g}".rstrip(".")
 
 
 def main() -> int:

@@ -1,6 +1,5 @@
 """The league: its own counting against what is worked by hand, and every program that runs in little time."""
 
-import csv
 import re
 from dataclasses import replace
 
@@ -8,7 +7,9 @@ import numpy as np
 import pytest
 from benchmarks import league
 
+from gyronorth.angles import angle_error
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.pipeline import heading_batch
 from gyronorth.sensor import read_sensor
 
 
@@ -78,6 +79,19 @@ def test_every_program_answers(program):
     assert row["error_deg"] < 20
 
 
+@pytest.mark.parametrize("kind", ["StaticAlignment", "StaticWahbaAlignment"])
+def test_the_closed_form_agrees_with_navtoolkit(kind):
+    """Another program's heading of the same samples: apart by far less than the error that both have."""
+    pytest.importorskip("navtk", reason="navtk comes with the extra dev")
+    data = league.first(league.sets(4)[0], 4)
+    theirs = league.navtk(kind)(data).heading
+    ours = heading_batch(
+        data.gyro_b, data.accel_b, rate_hz=data.rate_hz, latitude=data.latitude, sensor=data.sensor, method="mean"
+    )
+    apart = angle_error(theirs, ours.heading)
+    assert np.abs(apart).max() < 0.02 * ours.sigma.min()
+
+
 def test_seed_and_versions_stand_below_the_table():
     assert "Seed 20261128, 60 recordings of a simulated set, commit " in league.origin(60)
     assert f"numpy {np.__version__}" in league.origin(60)
@@ -92,10 +106,7 @@ def test_real_recordings_are_cut_into_pieces(real_data):
 
 def rows_of_the_page():
     """The rows of docs/results/league/league.csv, as the command made them."""
-    with (league.PAGE.with_suffix("") / "league.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    names = [name for name in league.COLUMNS if name not in ("set", "program")]
-    return [row | {name: float(row[name]) for name in names} | {"recordings": int(row["recordings"])} for row in rows]
+    return league.read_rows(league.PAGE.with_suffix("") / "league.csv")
 
 
 def test_the_page_shows_the_table_of_its_data():

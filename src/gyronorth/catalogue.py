@@ -165,7 +165,7 @@ FINDINGS: tuple[FindingInfo, ...] = (
     FindingInfo("units_suspect", "reason", "units to be checked", "The declared units give no unit on Earth."),
     FindingInfo("gaps", "reason", "too many samples missing", "More samples are missing than may be bridged."),
     FindingInfo("axes_suspect", "warning", "axes to be declared", "Gravity does not lie along body down."),
-    FindingInfo("axes_assumed", "warning", "axes assumed", "Nobody says which way the axes point."),
+    FindingInfo("axes_assumed", "warning", "axes assumed", "Neither the file nor an option states the axes."),
     FindingInfo("bias_unknown", "warning", "no profile", "The size of the gyro's errors is inferred."),
     FindingInfo("assumed_level", "warning", "taken as level", "There is no accelerometer and no given attitude."),
     FindingInfo("accelerometer_beside", "warning", "force left out", "A file of the accelerometer was left out."),

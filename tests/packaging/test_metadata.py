@@ -149,6 +149,29 @@ def test_what_the_paper_cites_is_in_its_bibliography():
     assert cited == set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))
 
 
+def test_the_paper_has_the_form_that_joss_asks_for():
+    """Metadata, sections in order and 750 to 1750 words: docs/paper.md of openjournals/joss, November 2026."""
+    _, front, body = (ROOT / "paper.md").read_text(encoding="utf-8").split("---\n", 2)
+    fields = yaml.safe_load(front)
+    assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= fields.keys()
+    assert {str(one["affiliation"]) for one in fields["authors"]} == {
+        str(one["index"]) for one in fields["affiliations"]
+    }
+    assert re.fullmatch(r"\d{1,2} [A-Z][a-z]+ \d{4}", str(fields["date"]))
+    assert (ROOT / fields["bibliography"]).exists()
+    assert re.findall(r"^# (.+)$", body, re.MULTILINE) == [
+        "Summary",
+        "Statement of need",
+        "State of the field",
+        "Software design",
+        "Research impact statement",
+        "AI usage disclosure",
+        "Acknowledgements",
+        "References",
+    ]
+    assert 750 <= len(re.sub(r"^#.*$", "", body, flags=re.MULTILINE).split()) <= 1750
+
+
 def test_the_changelog_keeps_its_form():
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     versions = re.findall(r"^## (.+)$", text, re.MULTILINE)

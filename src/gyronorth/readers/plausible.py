@@ -203,12 +203,12 @@ def check_axes(samples: NDArray[np.float64], declared: Declared, *, name: str) -
 
 
 def _assumed(declared: Declared, name: str) -> tuple[Note, ...]:
-    """The warning that nobody says where the axes point; none where the format defines it."""
+    """The warning that the axes are not stated; none where the format defines them."""
     if declared.axes_origin != "assumed":
         return ()
     message = (
-        f"Nobody says where the axes of {name} point: {declared.axes} is assumed. Gravity cannot tell which way "
-        "forward is, so the heading may be off by 90, 180 or 270 deg. Declare it: --axes "
+        f"The axes of {name} are not stated: {declared.axes} is assumed. Gravity does not show which of them points "
+        "forward, so the heading may be off by 90, 180 or 270 deg. Declare it: --axes "
         f"{' or '.join(letters for letters, _ in about_vertical(declared.axes))}, or {declared.axes} if that is right."
     )
     return (Note("axes_assumed", message),)

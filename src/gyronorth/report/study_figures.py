@@ -271,6 +271,37 @@ def _situation(name: str) -> str:
     return ", ".join([_SITUATIONS[kind].format(amount) + (f" in {time}" if time else ""), *told])
 
 
+def _real(figure: Figure, study: Study) -> None:
+    """Largest error of `auto` on each recording beside the half-width of its interval; in red where one is outside."""
+    table = study["tables"][0]
+    at = {name: number for number, name in enumerate(table["columns"])}
+    rows = [row for row in table["rows"] if row[at["method and profile"]].startswith("auto, ")]
+    figure.set_size_inches(9.0, 1.2 + 0.21 * len(rows))
+    axes = figure.subplots()
+    judged = [row for row in rows if row[at["largest error, deg"]] is not None]
+    lowest = min(row[at["largest error, deg"]] for row in judged)
+    axes.set(xscale="log", xlabel="deg", xlim=(0.5 * lowest, 180))
+    for place, row in enumerate(rows):
+        error, width = row[at["largest error, deg"]], row[at["half-width, deg"]]
+        if error is None:
+            text = f"refused: {row[at['reasons']]}"
+            axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=FAINT)
+            continue
+        colour = BLUE if row[at["of these covered"]] == row[at["valid"]] else RED
+        axes.plot([0.5 * lowest, width], [place, place], color=colour, linewidth=6, alpha=0.25, solid_capstyle="butt")
+        axes.plot(error, place, "o", color=colour, markersize=5)
+    labels = [f"{row[0]}; {row[1].removeprefix('auto, ')}" for row in rows]
+    axes.set_yticks(range(len(rows)), labels, fontsize=8)
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.xaxis.set_major_formatter("{x:g}")
+    outside = sum(row[at["valid"]] - row[at["of these covered"]] for row in judged)
+    figure.suptitle(
+        "Largest error (dot) and half-width of the 95 % interval (bar), method auto\n"
+        f"{outside} of {sum(row[at['valid']] for row in judged)} valid headings outside (red)",
+        x=0.02, ha="left", fontsize=10, color=INK,
+    )  # fmt: skip
+
+
 FIGURES: dict[str, Callable[[Figure, Study], None]] = {
     "noise": _noise,
     "leave_one_out": _ratios,
@@ -282,5 +313,6 @@ FIGURES: dict[str, Callable[[Figure, Study], None]] = {
     "duration": _duration,
     "turned": _turned,
     "disturbed": _disturbed,
+    "real": _real,
     "stress": _stress,
 }
