@@ -39,9 +39,9 @@ def calibrate(
     from gyronorth import calibration, readers
     from gyronorth.deviation import FEWEST
     from gyronorth.errors import InputError
-    from gyronorth.many.remote import at_hand
-    from gyronorth.many.sources import recordings
     from gyronorth.report.calibrations import print_calibration
+    from gyronorth.sources.listing import recordings
+    from gyronorth.sources.remote import at_hand
 
     check_outputs({"-o": (output, (".json",))}, kept=() if force else ("-o",))
     try:

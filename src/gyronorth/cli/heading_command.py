@@ -112,7 +112,7 @@ def heading(
     """
     from gyronorth.errors import InputError
     from gyronorth.many import Request
-    from gyronorth.many.sources import recordings
+    from gyronorth.sources.listing import recordings
 
     if as_json and nmea:
         raise InputError("--json and --nmea both print to standard output; give one of them.")
@@ -184,8 +184,8 @@ def _file(
     report: Path | None,
 ) -> int:
     """One recording: its heading to standard output and the files asked for."""
-    from gyronorth.many.remote import at_hand, checksum_of
     from gyronorth.report.tables import Outcome
+    from gyronorth.sources.remote import at_hand, checksum_of
 
     with at_hand(address) as path:
         with reading_file(path) as progress:
@@ -227,9 +227,9 @@ def _as_poses(
 ) -> int:
     """One heading of several files, each a pose of the same unit."""
     from gyronorth.errors import InputError
-    from gyronorth.many.remote import at_hand
-    from gyronorth.many.sources import recordings
     from gyronorth.report.tables import Outcome
+    from gyronorth.sources.listing import recordings
+    from gyronorth.sources.remote import at_hand
 
     if kept is not None:
         raise InputError("--poses makes one heading of all files, and a table has a row for each; give --json instead.")
@@ -257,10 +257,10 @@ def _many(
 ) -> int:
     """Many recordings: one row each, an unreadable one with its error."""
     from gyronorth.many.headings import HeadingTask
-    from gyronorth.many.sources import recordings
     from gyronorth.many.table import HEADINGS, WINDOWS
     from gyronorth.many.tally import Tally
     from gyronorth.report.terminal import print_folder
+    from gyronorth.sources.listing import recordings
 
     return run_many(
         recordings(sources),

@@ -17,8 +17,8 @@ from gyronorth.cli.options import OUTPUT
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from gyronorth.many.sources import Item
     from gyronorth.many.table import TableWriter
+    from gyronorth.sources.listing import Item
 
 #: Panel of the help text.
 MANY = "Many recordings"
@@ -121,7 +121,7 @@ def kept_table(path: Path, settings: str, resume: bool, columns: Sequence[str]) 
 def without_table(table: Path, items: Sequence[Item]) -> list[Item]:
     """The recordings without the table that an earlier run left among them; another file in its place is refused."""
     from gyronorth.errors import InputError
-    from gyronorth.many.table import is_table
+    from gyronorth.sources.tables import is_table
 
     place = os.path.realpath(table)
     others = [

@@ -90,7 +90,7 @@ def run_many(
 
 def several(sources: Sequence[str], *, resume: bool) -> bool:
     """Whether these are many recordings, or one is treated as many."""
-    from gyronorth.many.sources import names_one
+    from gyronorth.sources.listing import names_one
 
     return len(sources) > 1 or resume or not names_one(sources[0])
 
@@ -109,10 +109,10 @@ def run_files(
 ) -> int:
     """`run_many` for a task with one plain row for each file, of which the columns `shown` are printed."""
     from gyronorth.errors import InputError
-    from gyronorth.many.sources import recordings
     from gyronorth.many.table import STAMPS
     from gyronorth.many.tally import Counts
     from gyronorth.report.terminal import print_files
+    from gyronorth.sources.listing import recordings
 
     check_outputs({"--out": (out, TABLE_SUFFIXES)})
     if resume and (out is None or as_json):

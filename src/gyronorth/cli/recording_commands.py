@@ -132,8 +132,8 @@ def info(
     Exit code 2 if any could not be read, else 0.
     """
     from gyronorth import readers
-    from gyronorth.many.remote import at_hand
     from gyronorth.report.recordings import print_description
+    from gyronorth.sources.remote import at_hand
 
     if out is not None or several(sources, resume=resume):
         from gyronorth.many.tasks import INFO_COLUMNS, InfoTask
@@ -193,7 +193,7 @@ def convert(
     Exit code 2 if any could not be read or written, else 0.
     """
     from gyronorth.errors import InputError
-    from gyronorth.many.remote import at_hand
+    from gyronorth.sources.remote import at_hand
 
     star = "*" in output.name
     if star or out is not None or several(sources, resume=resume):

@@ -91,7 +91,7 @@ def allan(
     Of many: the error terms of each. Exit code 2 if any could not be had, else 0.
     """
     from gyronorth.errors import InputError
-    from gyronorth.many.remote import at_hand
+    from gyronorth.sources.remote import at_hand
 
     if out is not None or several(sources, resume=resume):
         from gyronorth.many.tasks import AllanTask, allan_columns

@@ -20,10 +20,10 @@ from gyronorth.deviation import FEWEST
 from gyronorth.earth import earth_rate_n
 from gyronorth.errors import InputError
 from gyronorth.learn.settings import Settings
-from gyronorth.many.reading import read_each
-from gyronorth.many.sources import recordings
 from gyronorth.readers import ReadOptions
 from gyronorth.recording import LATITUDE_CONFLICT, Recording
+from gyronorth.sources.listing import recordings
+from gyronorth.sources.reading import read_each
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gyronorth.errors import InputError, is_of_memory
-from gyronorth.many.remote import NotFetched, at_hand, checksum_of, state_of
-from gyronorth.many.sources import Item, recordings
 from gyronorth.report.tables import Outcome
+from gyronorth.sources.listing import Item, recordings
+from gyronorth.sources.remote import NotFetched, at_hand, checksum_of, state_of
 
 if TYPE_CHECKING:
     import os

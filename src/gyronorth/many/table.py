@@ -18,9 +18,10 @@ from typing import Any, TextIO
 from gyronorth.errors import InputError
 from gyronorth.files import written_beside
 from gyronorth.report.tables import COLUMNS, Outcome
+from gyronorth.sources.tables import STAMPS, arrow, is_parquet
 
-#: Columns behind those of every table, and those of a table of windows.
-STAMPS, WINDOW = ("checksum", "settings"), ("start_s", "end_s", "windows")
+#: Columns of a table of windows.
+WINDOW = ("start_s", "end_s", "windows")
 #: Columns of text; the others hold numbers, and `valid` true or false.
 TEXTS = (
     *("file", "reasons", "warnings", "method", "sensor", "message", "fitness", *STAMPS),
@@ -55,7 +56,7 @@ class TableWriter:
         ours = set(names)
         order = [*(name for name in self.rows if name not in ours), *(name for name in names if name in self.rows)]
         rows = (row for name in order for row in self.rows[name])
-        (_write_parquet if _is_parquet(self._path) else _write_csv)(self._path, self.columns, rows)
+        (_write_parquet if is_parquet(self._path) else _write_csv)(self._path, self.columns, rows)
 
     def column(self, name: str) -> Iterator[str]:
         """The cells of a column."""
@@ -119,25 +120,12 @@ def write_table(path: Path, settings: str, outcomes: Sequence[Outcome]) -> None:
     InputError
         If it cannot be written.
     """
-    if _is_parquet(path):
-        _arrow(path)
+    if is_parquet(path):
+        arrow(path)
     made = TableWriter(path, settings, HEADINGS, None)
     for outcome in outcomes:
         made.add([outcome])
     made.finish([outcome.file for outcome in outcomes])
-
-
-def is_table(path: Path) -> bool:
-    """Whether a file is a table of many, of headings or of another task."""
-    ends = b"," + ",".join(STAMPS).encode()
-    try:
-        if _is_parquet(path):
-            names = _arrow(path).read_schema(path).names
-            return names[:1] == ["file"] and tuple(names[-2:]) == STAMPS
-        with path.open("rb") as file:
-            return file.read(5) == b"file," and file.readline(4096).rstrip().endswith(ends)
-    except (OSError, ValueError, InputError):
-        return False
 
 
 @contextmanager
@@ -163,8 +151,8 @@ def table(
         If a partial file is there and `resume` is not given, if what is there is no such table or has other settings,
         if another run writes to it, or it cannot be written.
     """
-    if _is_parquet(path):
-        _arrow(path)
+    if is_parquet(path):
+        arrow(path)
     if path.exists() and not path.is_file():  # a device or a pipe
         if resume:
             raise InputError(f"{path} is no file: there is nothing in it to go on with. Leave --resume out.")
@@ -215,7 +203,7 @@ def _begin(found: TableWriter, path: Path, partial: Path, journal: TextIO, *, re
         csv.writer(journal, lineterminator="\n").writerow(found.columns)
         journal.flush()
     if resume and path.is_file():
-        old = _read_parquet(path, found.columns) if _is_parquet(path) else _read_csv(path, found.columns)[0]
+        old = _read_parquet(path, found.columns) if is_parquet(path) else _read_csv(path, found.columns)[0]
         newer = {row[0] for row in rows}
         found.take((row for row in old if row[0] not in newer), write=True)
     found.take(rows, write=False)
@@ -282,7 +270,7 @@ def _is_number(cell: str) -> bool:
 
 def _read_parquet(path: Path, columns: Sequence[str]) -> list[Row]:
     try:
-        content = _arrow(path).read_table(path)
+        content = arrow(path).read_table(path)
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path} cannot be read: {' '.join(str(error).split())[:160].rstrip('.')}. Leave --resume out."
@@ -308,17 +296,7 @@ def _write_parquet(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> N
         else:
             arrays.append(pyarrow.array([float(cell) if cell else None for cell in column], pyarrow.float64()))
     with written_beside(path) as part:
-        _arrow(path).write_table(pyarrow.table(arrays, names=list(columns)), part)
-
-
-def _arrow(path: Path) -> Any:
-    from gyronorth.readers.library import library
-
-    return library("pyarrow.parquet", path.name, "Parquet")
-
-
-def _is_parquet(path: Path) -> bool:
-    return path.suffix.lower() in (".parquet", ".pq")
+        arrow(path).write_table(pyarrow.table(arrays, names=list(columns)), part)
 
 
 def _row(outcome: Outcome, columns: Sequence[str], windows: int) -> Row:

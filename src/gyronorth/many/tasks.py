@@ -12,15 +12,15 @@ from urllib.parse import unquote, urlsplit
 
 from gyronorth.errors import InputError
 from gyronorth.many.headings import given_of
-from gyronorth.many.remote import is_url
+from gyronorth.sources.remote import is_url
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gyronorth.many.sources import Item
     from gyronorth.readers import ReadOptions
     from gyronorth.recording import Recording
     from gyronorth.sensor import Sensor
+    from gyronorth.sources.listing import Item
 
 #: Columns of the tables; a field without a value is empty.
 INFO_COLUMNS = (

@@ -89,8 +89,8 @@ def public_set(folder: str) -> PublicSet:
     """
     from gyronorth.attitude import level, mat_lb
     from gyronorth.conditioning import decimated
-    from gyronorth.many.reading import read_each
-    from gyronorth.many.sources import Item, recordings
+    from gyronorth.sources.listing import Item, recordings
+    from gyronorth.sources.reading import read_each
 
     named: list[Item] = []
     with suppress(InputError):  # what was expected is said below

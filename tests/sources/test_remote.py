@@ -21,8 +21,8 @@ from typer.testing import CliRunner
 
 import gyronorth as gn
 from gyronorth.cli import app
-from gyronorth.many import cache
-from gyronorth.many.remote import NotFetched, at_hand
+from gyronorth.sources import cache
+from gyronorth.sources.remote import NotFetched, at_hand
 
 pytest.importorskip("fsspec", reason="fsspec (extra `cloud`) is not installed")
 #: What aiohttp says of a connection that was cut, on purpose.
@@ -114,7 +114,7 @@ def recordings(tmp_path, monkeypatch):
         recording = gn.simulate("hg9900", latitude=radians(32), heading=1.0, duration=60.0, rate_hz=10.0, rng=rng)
         gn.write(recording, folder / f"{name}.csv")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gyronorth.many.remote.PAUSE", 0.0)
+    monkeypatch.setattr("gyronorth.sources.remote.PAUSE", 0.0)
     return folder
 
 
@@ -216,9 +216,9 @@ def test_what_comes_whole_however_it_is_sent_is_taken(faulty, name):
     ],
 )
 def test_what_does_not_come_is_told_and_leaves_nothing(faulty, tmp_path, monkeypatch, name, message):
-    monkeypatch.setattr("gyronorth.many.remote.PAUSE", 0.0)
-    monkeypatch.setattr("gyronorth.many.remote.SILENCE", 0.2)
-    monkeypatch.setattr("gyronorth.many.cache.MOST", 1 << 20)
+    monkeypatch.setattr("gyronorth.sources.remote.PAUSE", 0.0)
+    monkeypatch.setattr("gyronorth.sources.remote.SILENCE", 0.2)
+    monkeypatch.setattr("gyronorth.sources.cache.MOST", 1 << 20)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with pytest.raises(NotFetched, match=message), at_hand(f"{faulty}/{name}"):
         pass

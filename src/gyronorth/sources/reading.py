@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from gyronorth.many.remote import at_hand
-from gyronorth.many.sources import Item
+from gyronorth.sources.listing import Item
+from gyronorth.sources.remote import at_hand
 
 if TYPE_CHECKING:
     from gyronorth.readers import ReadOptions
@@ -19,7 +19,7 @@ def read_each(items: Iterable[Item], reading: ReadOptions | None = None) -> Iter
     Parameters
     ----------
     items : iterable of Item
-        Of `gyronorth.many.sources.recordings`.
+        Of `gyronorth.sources.listing.recordings`.
     reading : ReadOptions, optional
         What the files do not say about themselves.
 

@@ -18,7 +18,7 @@ from typing import Any
 from urllib.parse import quote, unquote, urlsplit
 
 from gyronorth.errors import InputError
-from gyronorth.many.cache import private_folder, room_for
+from gyronorth.sources.cache import private_folder, room_for
 
 #: How often a file is fetched before its row says that it could not be, and the pause before the second time, s.
 ATTEMPTS, PAUSE = 3, 0.5

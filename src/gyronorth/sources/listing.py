@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gyronorth.errors import InputError
-from gyronorth.many.remote import is_local, is_url, local_path, urls_of
+from gyronorth.sources.remote import is_local, is_url, local_path, urls_of
+from gyronorth.sources.tables import is_table
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,4 @@ def _found(source: str) -> list[str]:
 
 def _is_ours(path: Path) -> bool:
     """Whether a file among recordings is a table that was made of such."""
-    from gyronorth.many.table import is_table
-
     return path.suffix.lower() in (".csv", ".parquet", ".pq") and path.is_file() and is_table(path)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from gyronorth.errors import InputError
-from gyronorth.many.remote import at_hand, checksum_of
-from gyronorth.many.sources import names_one, recordings
+from gyronorth.sources.listing import names_one, recordings
+from gyronorth.sources.remote import at_hand, checksum_of
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_a_broken_connection_is_tried_again_and_then_told(monkeypatch):
             Path(here).write_bytes(b"12")  # ended early, and said nothing
 
     monkeypatch.setattr(type(filesystem), "get_file", breaking)
-    monkeypatch.setattr("gyronorth.many.remote.PAUSE", 0.0)
+    monkeypatch.setattr("gyronorth.sources.remote.PAUSE", 0.0)
     with at_hand("memory://broken.csv") as path:
         assert path.read_bytes() == b"1234"
     breaks[0] = 3
