@@ -63,3 +63,27 @@ def test_what_a_prior_costs_and_what_it_misses(column):
         missed.append(np.mean(1 - erf(half_width(wide(seen * factor**2), factor) / factor / np.sqrt(2))))
     assert_allclose(np.mean(wider), row("is wider, where there is no disturbance")[column], atol=0.03)
     assert_allclose(np.mean(missed), row("misses, where there is, in")[column], atol=0.015)
+
+
+def test_what_the_best_rule_of_all_misses():
+    """Half widths that minimise the misses of a disturbed unit plus prices of width and of misses of an honest one."""
+    factor, widest, missed = 2.3, 1.2 * 1.96, 0.07
+    seen = -2 * np.log((np.arange(200) + 0.5) / 200)  # quantiles of chi-square with 2 degrees of freedom
+    odds = np.exp(seen / 2 * (1 - factor**-2)) / factor**2
+    half = np.linspace(0, 6 * factor, 400)
+    disturbed, honest = 1 - erf(half / factor / np.sqrt(2)), 1 - erf(half / np.sqrt(2))
+
+    def rule(price: float, of_honest: float) -> tuple[float, float, float]:
+        best = np.argmin(odds[:, None] * disturbed + of_honest * honest + price * half, axis=1)
+        return half[best].mean(), honest[best].mean(), (odds * disturbed[best]).mean()
+
+    least = 1.0
+    for of_honest in np.geomspace(0.03, 0.6, 10):
+        low, high = 1e-4, 1.0
+        for _ in range(15):
+            price = np.sqrt(low * high)
+            low, high = (price, high) if rule(price, of_honest)[0] > widest else (low, price)
+        _, honestly, disturbedly = rule(high, of_honest)
+        if honestly <= missed:
+            least = min(least, disturbedly)
+    assert least == pytest.approx(0.12, abs=0.005)
