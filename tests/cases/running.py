@@ -17,11 +17,11 @@ def info(arguments: Sequence[str]) -> Any:
     return RUN.invoke(app, ["info", *arguments, "--json"], catch_exceptions=False)
 
 
-def followed(result: Any, fill: Mapping[str, str]) -> Any:
-    """Run the last line of a refusal, with what only the user knows."""
+def followed(result: Any, fill: Mapping[str, str], *more: str) -> Any:
+    """Run the last line of a refusal, with what only the user knows and `more` options."""
     assert result.exit_code == 2
     last = result.stderr.rstrip("\n").split("\n")[-1]
     assert last.startswith("Try: gyronorth info ")
     assert result.stderr.count("\n") == 2  # one message of two lines
     words = shlex.split(last.removeprefix("Try: gyronorth "))
-    return RUN.invoke(app, [fill.get(word, word) for word in words], catch_exceptions=False)
+    return RUN.invoke(app, [*(fill.get(word, word) for word in words), *more], catch_exceptions=False)

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from cases.field_layouts import FIELD
 from cases.layouts import DPS, LAYOUTS
+from cases.logger_layouts import LOGGERS
 from cases.more_layouts import MORE
 from cases.running import followed, info
 from numpy.testing import assert_allclose
 
 from gyronorth.earth import STANDARD_GRAVITY
 
-ALL = [*LAYOUTS, *MORE, *FIELD]
+ALL = [*LAYOUTS, *MORE, *FIELD, *LOGGERS]
 
 
 @pytest.mark.parametrize("layout", ALL, ids=lambda layout: layout.name)

@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from gyronorth.readers import labview
 from gyronorth.readers.spellings import (
     ACCEL_SPELLINGS,
     ANGLE_SPELLINGS,
@@ -92,8 +93,6 @@ _GLUED = re.compile(r"(.*[a-z])([xyz])")
 _GLUED_BEFORE = re.compile(r"([xyz])([a-z]{3,})")
 #: Letters of other scripts that look like an axis, where they stand alone.
 _LOOKALIKES = (("[Хх]", "X"), ("[Уу]", "Y"))
-#: The time of a file of LabVIEW (.lvm), in s.
-_LVM_TIME = "x_value"
 _STEMS = frozenset(word for group in (*GYRO_WORDS, *ACCEL_WORDS, *ANGLE_WORDS, *VELOCITY_WORDS) for word in group)
 
 
@@ -141,7 +140,7 @@ def take_apart(title: str, unit: str = "") -> Title:
     ('accel', 'us')
     """
     title = title[:LONGEST]
-    if title.strip().lower() == _LVM_TIME:
+    if title.strip().lower() == labview.TIME.lower():
         return Title("time", ("time",), unit="s")
     name, candidates = title, [unit] if unit else []
     for match in _BRACKETS.finditer(title):

@@ -134,7 +134,7 @@ def _titles(sample: Sequence[bytes], columns: Sequence[Sequence[bytes]]) -> tupl
             name, colon = _name(text), bool(re.search(r"[:=]\s*$", text))
             if text == ":" and i == 1 and len(values) == 2:  # gx:12.5:0.1, the time before the value
                 names[0], name, runs[0] = "", names[0], 0
-            elif name and not colon and not take_apart(name).kind:
+            elif name and not colon and take_apart(name).kind not in ("gyro", "accel", "time"):
                 name = ""
             if name:
                 marked = colon

@@ -91,7 +91,7 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
         unit = options.time_unit or ("s" if ours or live else usual_time(preset))
         known = options.rate_hz or stated.rate_hz or usual.rate_hz
         clock = find_clock(of_rates, parts, positions[TIME], unit, known)
-    elif options.time_unit is not None:
+    elif options.time_unit is not None and TIME not in (options.columns or {}):
         raise InputError(f"{path.name} has no time column for --time-unit {options.time_unit}; leave it out.")
     stated = with_titles(stated, chosen, layout, clock, path.name)
     columns = tuple(name for name in NAMES if name in positions)
