@@ -194,3 +194,16 @@ def test_a_counter_that_skips_numbers_is_of_one_unit(moves):
     counters = np.cumsum(np.resize(moves, 100)) % 256
     fields = Fields(np.zeros((100, 3)), None, counter=np.delete(counters, [20, 41]), counter_wrap=256)
     assert of_several_units(fields) == ""
+
+
+def test_a_long_counter_that_goes_back_is_a_restart_and_no_loss():
+    rates = 1e-5 * np.random.default_rng(1).standard_normal((300, 3))
+    blocks = [(struct.pack(">H", i), rate.astype(">f4").tobytes()) for i, rate in enumerate(rates)]
+    frames = [encoders.xbus_frame([(0x1020, counter), (0x8020, rate)]) for counter, rate in blocks]
+    samples, report = decode(b"".join(frames + frames), options=Options(rate_hz=400.0))
+    assert (len(samples), report.lost) == (600, 0)
+    assert np.flatnonzero(samples.jumped).tolist() == [300]
+    wrapped = [encoders.xbus_frame([(0x1020, struct.pack(">H", (65400 + i) & 0xFFFF)), (0x8020, blocks[i][1])])
+               for i in range(300)]  # fmt: skip
+    samples, report = decode(b"".join(wrapped[:90] + wrapped[100:]), options=Options(rate_hz=400.0))
+    assert (report.lost, samples.jumped.any()) == (10, False)

@@ -24,6 +24,8 @@ AGREES = 0.75
 #: of them that must agree on it.
 WATCHED, OTHER_RATE, ALIKE = 64, 0.1, 0.8
 
+#: A counter of so many numbers that goes on by more than half of them has gone back.
+LONG_COUNTER = 1 << 16
 #: Frames that show whether several units send in turn, the share of their steps that go back, and of moves of a counter
 #: that are alike.
 IN_TURN, BACK, MOVES_ALIKE = 16, 0.2, 0.7
@@ -235,6 +237,8 @@ class Numbering:
             base = np.where(base == 0, np.where(expected < turn / 2, 1, turn), base)  # the same number: sent twice
             steps = np.round(base + turn * np.maximum(np.round((expected - base) / turn), 0))
             broken = jumped if restarted is None else jumped | restarted
+            if not self._clock and fields.counter_wrap >= LONG_COUNTER:  # so many are not lost: it goes back
+                broken = broken | (moves > fields.counter_wrap // 2)
             goes_on = np.asarray(steps == by_bytes)  # a unit that started anew, or only its clock was set
             if self._anew:
                 goes_on[0] = False
