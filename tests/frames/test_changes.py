@@ -11,7 +11,8 @@ from frames import encoders
 import gyronorth as gn
 from gyronorth.errors import InputError
 from gyronorth.frames import FrameStream, Options, decode
-from gyronorth.frames.clock import WATCHED
+from gyronorth.frames.clock import WATCHED, of_several_units
+from gyronorth.frames.protocol import Fields
 
 #: Two settings of each unit whose clock tells the rate.
 AT_RATE = {
@@ -176,3 +177,33 @@ def test_a_capture_of_two_rates_is_refused_with_a_cut_that_works(tmp_path):
     assert gn.read(path).rate_hz == 200.0
     path.write_bytes(whole[at:])
     assert gn.read(path).rate_hz == 400.0
+
+
+@pytest.mark.parametrize("units", [2, 3])
+@pytest.mark.parametrize("name", ["kvh-A-rate", "stim", "xbus-12.20", "novatel-RAWIMUSX-text", "mip-scaled"])
+def test_frames_of_several_units_in_turn_are_refused(name, units):
+    """As two units on one RS-422 line, or two ports merged into one file: one heading of both would mean nothing."""
+    case = encoders.CASES[name](200)
+    shifted = [case.frames[37 * k :] + case.frames[: 37 * k] for k in range(units)]
+    with pytest.raises(InputError, match="several units in turn"):
+        decode(b"".join(b"".join(frames) for frames in zip(*shifted, strict=True)), case.protocol, case.options)
+
+
+@pytest.mark.parametrize("moves", [(1,), (4,), (2, 3), (1, 1, 2)])
+def test_a_counter_that_skips_numbers_is_of_one_unit(moves):
+    counters = np.cumsum(np.resize(moves, 100)) % 256
+    fields = Fields(np.zeros((100, 3)), None, counter=np.delete(counters, [20, 41]), counter_wrap=256)
+    assert of_several_units(fields) == ""
+
+
+def test_a_long_counter_that_goes_back_is_a_restart_and_no_loss():
+    rates = 1e-5 * np.random.default_rng(1).standard_normal((300, 3))
+    blocks = [(struct.pack(">H", i), rate.astype(">f4").tobytes()) for i, rate in enumerate(rates)]
+    frames = [encoders.xbus_frame([(0x1020, counter), (0x8020, rate)]) for counter, rate in blocks]
+    samples, report = decode(b"".join(frames + frames), options=Options(rate_hz=400.0))
+    assert (len(samples), report.lost) == (600, 0)
+    assert np.flatnonzero(samples.jumped).tolist() == [300]
+    wrapped = [encoders.xbus_frame([(0x1020, struct.pack(">H", (65400 + i) & 0xFFFF)), (0x8020, blocks[i][1])])
+               for i in range(300)]  # fmt: skip
+    samples, report = decode(b"".join(wrapped[:90] + wrapped[100:]), options=Options(rate_hz=400.0))
+    assert (report.lost, samples.jumped.any()) == (10, False)

@@ -24,6 +24,12 @@ AGREES = 0.75
 #: of them that must agree on it.
 WATCHED, OTHER_RATE, ALIKE = 64, 0.1, 0.8
 
+#: A counter of so many numbers that goes on by more than half of them has gone back.
+LONG_COUNTER = 1 << 16
+#: Frames that show whether several units send in turn, the share of their steps that go back, and of moves of a counter
+#: that are alike.
+IN_TURN, BACK, MOVES_ALIKE = 16, 0.2, 0.7
+
 
 def clock_steps(ticks: Index, tick: float, wrap: int | None) -> Array:
     """Steps of a unit's clock between neighbours, s, shape (n - 1,); NaN where it was reset."""
@@ -80,6 +86,37 @@ def stride_of(fields: Fields) -> int | None:
     moves, count = np.unique(np.diff(fields.counter) % fields.counter_wrap, return_counts=True)
     stride = int(moves[np.argmax(count)])
     return stride if stride > 0 and stride * 2 <= fields.counter_wrap else None
+
+
+def of_several_units(fields: Fields) -> str:
+    """What shows that the first frames come from several units in turn: "counter", "clock", or "" for nothing.
+
+    The clock of one unit hardly ever goes back. Its counter moves alike from frame to frame; of units in turn it jumps
+    to and fro, and moves alike from every second frame, or third or fourth, to the next.
+    """
+    if fields.ticks is not None and len(fields.ticks) >= IN_TURN:
+        steps = np.diff(fields.ticks)
+        if fields.tick_wrap is not None:
+            steps = (steps + fields.tick_wrap // 2) % fields.tick_wrap - fields.tick_wrap // 2
+        if (steps < 0).mean() > BACK:
+            return "clock"
+    if fields.counter is None or len(fields.counter) < IN_TURN:
+        return ""
+    moves = np.diff(fields.counter) % fields.counter_wrap
+    if _usual(moves)[1] >= MOVES_ALIKE:
+        return ""
+    for units in (2, 3, 4):
+        move, share = _usual((fields.counter[units:] - fields.counter[:-units]) % fields.counter_wrap)
+        to_and_fro = (moves == 0) | (moves > move)  # a counter that skips some numbers moves further in two steps
+        if share >= MOVES_ALIKE and to_and_fro.mean() > BACK:
+            return "counter"
+    return ""
+
+
+def _usual(moves: Index) -> tuple[int, float]:
+    """The most frequent one, and its share."""
+    values, count = np.unique(moves, return_counts=True)
+    return int(values[np.argmax(count)]), float(count.max() / len(moves))
 
 
 class Numbering:
@@ -200,6 +237,8 @@ class Numbering:
             base = np.where(base == 0, np.where(expected < turn / 2, 1, turn), base)  # the same number: sent twice
             steps = np.round(base + turn * np.maximum(np.round((expected - base) / turn), 0))
             broken = jumped if restarted is None else jumped | restarted
+            if not self._clock and fields.counter_wrap >= LONG_COUNTER:  # so many are not lost: it goes back
+                broken = broken | (moves > fields.counter_wrap // 2)
             goes_on = np.asarray(steps == by_bytes)  # a unit that started anew, or only its clock was set
             if self._anew:
                 goes_on[0] = False

@@ -16,7 +16,7 @@ from gyronorth.arrays import Array, Index, Mask
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.frames.catalogue import protocol_info
-from gyronorth.frames.clock import Numbering, rate_of_clock, rate_of_spans, stride_of
+from gyronorth.frames.clock import Numbering, of_several_units, rate_of_clock, rate_of_spans, stride_of
 from gyronorth.frames.doubt import Doubt
 from gyronorth.frames.forces import LATE_FORCE, ForceTrack
 from gyronorth.frames.framing import Framer, Frames, joined, split, without
@@ -322,6 +322,12 @@ class FrameStream:
             self._facts = [first.rows(stated[-1:])]
         index = np.flatnonzero(self._ours(first))
         fields = self._fields(first, index)
+        in_turn = of_several_units(fields)
+        if in_turn:
+            raise InputError(
+                f"The {self._info.title} stream holds frames of several units in turn: their {in_turn} goes to and fro "
+                "from frame to frame. One unit on a line is expected. Record each from its own port."
+            )
         self._scale = self._protocol.scale(layout, self._facts, self._options)
         self._choose_rate(rate_of_clock(fields), rate_of_spans(fields))
         self._scale, findings = self._protocol.infer(fields, self._scale, self._options, self._rate)
