@@ -195,7 +195,7 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
             f"{lead} Say which column is which by its number from 0, as in --columns t=0,w_x=1,w_y=2,w_z=3."
         )
     question = found.questions[0]
-    columns = found.columns | declared
+    columns = {**found.columns, **declared}
     return Chosen(
         columns,
         questions=(Question(f"{lead} By its first rows {question.says}", ("--columns", columns_text(columns))),),
@@ -209,7 +209,7 @@ def _by_numbers(
     found = by_numbers(layout, options.needed)
     if found is None:
         return None
-    columns = found.columns | declared
+    columns = {**found.columns, **declared}
     titles = ", ".join(title[:20] for title in layout.titles[:8]) + (", ..." if len(layout.titles) > 8 else "")
     says = f"No title of {name} is known: {titles}. By its first rows {found.questions[0].says}"
     return Chosen(columns, questions=(Question(says, ("--columns", columns_text(columns)), certain=False),))
