@@ -220,22 +220,23 @@ def _conclude(
         by_shape = np.bincount(s, each, minlength=len(shapes.size))
         total = float(each.sum())
         beyond = each @ faulty + (scaled - w[faulty].sum(axis=0)) @ large
-        told += [
-            np.sum(w * lasting[s]),
-            by_base @ np.log(np.array(DRIFTS))[known.drift],
-            total * np.log(one.white),
-            by_base @ (known.sway > 0),
-            *(by_shape @ shapes.of(kind) for kind in ("tilt", "settling", "walk")),
-            by_base @ (known.force > 0),
-            *(rate @ each),
-            scaled @ bias + total * constant,
-            each @ (1 / piece.info),
-            *(rate**2 @ each),
-            by_base @ levels[piece.number],
+        own: list[float] = [
+            float(np.sum(w * lasting[s])),
+            float(by_base @ np.log(np.array(DRIFTS))[known.drift]),
+            total * float(np.log(one.white)),
+            float(by_base @ (known.sway > 0)),
+            *(float(by_shape @ shapes.of(kind)) for kind in ("tilt", "settling", "walk")),
+            float(by_base @ (known.force > 0)),
+            *map(float, rate @ each),
+            float(scaled @ bias) + total * constant,
+            float(each @ (1 / piece.info)),
+            *map(float, rate**2 @ each),
+            float(by_base @ levels[piece.number]),
             total * one.tones,
             total * one.masked_s,
-            beyond,
+            float(beyond),
         ]
+        told = told + np.array(own)
     w = np.concatenate(weight)
     told /= w.sum()
     w /= w.sum()
