@@ -101,7 +101,7 @@ def test_time_may_be_given_anew_with_a_request():
 
 
 def test_memory_beyond_the_limit_is_refused_and_not_taken():
-    with pytest.raises(InputError, match="more memory than it may take"):
+    with pytest.raises(InputError, match=r"a\.file needs more memory than it may take"):
         serving(lambda _: len(bytearray(1 << 29))).ask(None)
     assert serving(lambda _: len(bytearray(1 << 27))).ask(None) == 1 << 27
 

@@ -68,7 +68,7 @@ class Apart:
             pid = os.fork()
         if pid == 0:
             ours.close()
-            _serve(make, theirs, limits)
+            _serve(make, theirs, limits, what)
         theirs.close()
         self._socket, self._pid = ours, pid
         self._end = weakref.finalize(self, _end, pid, ours, os.getpid())
@@ -141,7 +141,7 @@ def _end(pid: int, connection: socket.socket, parent: int) -> None:
         os.waitpid(pid, 0)
 
 
-def _serve(make: Callable[[], Service], connection: socket.socket, limits: Limits) -> None:
+def _serve(make: Callable[[], Service], connection: socket.socket, limits: Limits, what: str) -> None:
     """The life of the child: it never returns, so that nothing of the parent is unwound in it."""
     try:
         # Ctrl-C reaches the whole group; the parent ends the child. SIGTERM must not run the parent's handler here.
@@ -164,7 +164,7 @@ def _serve(make: Callable[[], Service], connection: socket.socket, limits: Limit
                     raise failure or RuntimeError("no service")
                 answer = True, service(request)
             except Exception as error:
-                answer = False, _portable(error)
+                answer = False, _portable(error, what)
             _send(connection, answer)
     except BaseException:
         pass
@@ -191,11 +191,11 @@ def _allow(seconds: float) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (until, resource.getrlimit(resource.RLIMIT_CPU)[1]))
 
 
-def _portable(error: Exception) -> Exception:
+def _portable(error: Exception, what: str) -> Exception:
     """An error as it can be sent; one of a foreign class as its text."""
     if isinstance(error, MemoryError):
         return InputError(
-            "It needs more memory than it may take: it is damaged, or made to do so. Or this process may use too "
+            f"{what} needs more memory than it may take: it is damaged, or made to do so. Or this process may use too "
             "little (`ulimit -v`, a container): then allow it more."
         )
     try:

@@ -13,10 +13,12 @@ from live_stream import Played
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from websockets.sync.client import connect
 
-from gyronorth.live import access, serving
+from gyronorth.live import access, nmea_out, serving
 from gyronorth.live.binding import bound_socket
+from gyronorth.live.nmea_out import NmeaOut, parse_target
 from gyronorth.live.serving import Server
 from gyronorth.live.session import LiveSettings, Session
+from gyronorth.live.status import Status
 from gyronorth.readers import ReadOptions
 
 
@@ -59,6 +61,18 @@ def test_a_message_without_end_is_not_taken(port):
         heard.send(b"x" * (serving.LARGEST_MESSAGE + 1))
         with pytest.raises(ConnectionClosedError, match="1009"):
             list(heard)
+
+
+def test_listeners_leave_room_for_the_recording(monkeypatch):
+    monkeypatch.setattr(nmea_out, "descriptors", lambda: 8)
+    out = NmeaOut(parse_target("tcp:127.0.0.1:0"), rate_hz=20.0, status=lambda: Status("waiting", "here"))
+    out.start()
+    listening = [socket.create_connection(("127.0.0.1", out.port), timeout=30) for _ in range(3)]
+    first = [client.recv(100) for client in listening]
+    for client in listening:
+        client.close()
+    out.close()
+    assert sorted(part[:6] for part in first) == [b"", b"$HETHS", b"$HETHS"]
 
 
 @pytest.mark.parametrize("asked", [b"", b"GET /api/heading HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"])

@@ -20,6 +20,16 @@ def allow_descriptors() -> None:
             resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
+def descriptors() -> int:
+    """How many files and connections may be open at a time."""
+    with suppress(ImportError, ValueError, OSError):
+        import resource
+
+        soft = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        return DESCRIPTORS if soft == resource.RLIM_INFINITY else soft
+    return DESCRIPTORS
+
+
 def bound_socket(host: str, port: int, kind: socket.SocketKind, *, receive: int | None = None) -> socket.socket:
     """Bind a socket; one that takes connections listens.
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from threading import Event, Thread
 
 from gyronorth.errors import InputError
-from gyronorth.live.binding import bound_socket
+from gyronorth.live.binding import bound_socket, descriptors
 from gyronorth.live.serial_out import SerialOut
 from gyronorth.live.status import UNATTENDED, Status
 from gyronorth.report.nmea import running_sentences
@@ -24,8 +24,9 @@ from gyronorth.report.nmea import running_sentences
 SERIAL_BAUD = 4800
 #: Bytes that may wait for a slow listener; it is dropped beyond.
 PATIENCE = 64_000
-#: Programs that may listen at a time; more are turned away.
-MOST_LISTENERS = 2000
+#: Programs that may listen at a time, and of the files that may be open the part that they may be; more are turned
+#: away, so that the recording can be opened.
+MOST_LISTENERS, SHARE = 2000, 4
 #: After an accept that failed, s.
 PAUSE = 0.1
 
@@ -162,7 +163,7 @@ class NmeaOut:
         except OSError:  # no descriptor is left: the connection stays waiting, and is not asked for at once
             self._stop.wait(PAUSE)
             return
-        if len(self._clients) >= MOST_LISTENERS:
+        if len(self._clients) >= min(MOST_LISTENERS, descriptors() // SHARE):
             client.close()
             return
         client.setblocking(False)

@@ -82,7 +82,7 @@ class LocalPool(Executor):
         """End the processes at once, whatever they do."""
         if self._open is not None:
             self._open.close()
-        self.shutdown(cancel_futures=True)
+        self.renew()  # and what the pool shared with them goes: its semaphores
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes."""

@@ -305,6 +305,7 @@ class Reading(GridStream):
 
 def _joined(pieces: Iterator[NDArray[np.float64]], rows: int) -> NDArray[np.float64]:
     """The pieces (m, k) as one array, about `rows` long, without holding both: what they fill grows where it lies."""
+    rows = max(rows, 0)  # guessed from the length of a first row, which may be more than there is
     joined, count = np.empty((rows, 3)), 0
     for piece in pieces:
         if joined.shape[1] != piece.shape[1]:

@@ -128,3 +128,12 @@ def test_units_behind_the_names_of_arrays_count_as_stated(tmp_path):
     assert recording.rate_hz == pytest.approx(100)
     assert_allclose(recording.gyro_b, GYRO, atol=1e-12)
     assert_allclose(recording.accel_b, ACCEL, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["S0", "V0", "U0"])
+def test_an_array_of_nothing_takes_no_memory(tmp_path, kind):
+    """A million million texts of no character are no byte of a file; NumPy would give each one."""
+    header = f"{{'descr': '|{kind}', 'fortran_order': False, 'shape': (1000000000000,), }}\n".encode()
+    (tmp_path / "rec.npy").write_bytes(b"\x93NUMPY\x01\0" + len(header).to_bytes(2, "little") + header)
+    with pytest.raises(InputError, match=r"rec.npy holds an array \(1000000000000,\) of .[SVU]0; an array of numbers"):
+        read(tmp_path / "rec.npy", **SI)

@@ -33,6 +33,10 @@ def open_npy(path: Path, options: ReadOptions) -> Source:
         offset = file.tell()
     if dtype.hasobject:
         raise InputError(pickled(path.name))
+    if dtype.itemsize == 0:  # any number of them is no byte, and NumPy would make each one byte
+        raise InputError(
+            f"{path.name} holds an array {shape} of {dtype.str}; an array of numbers, samples x columns, is expected."
+        )
     size = path.stat().st_size - offset
     if math.prod(shape) * dtype.itemsize != size:
         raise InputError(
