@@ -109,6 +109,7 @@ def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, m
     assert (tmp_path / "rec.bin").read_bytes() == case.preamble + b"".join(case.frames[:6000])[:-7]
     assert first is not None
     assert second is not None
+    assert second.heading_deg is not None
     sent: list[Any] = [NMEAReader.parse(line, validate=1) for line in heard]
     assert {line.identity for line in sent} == {"HETHS", "HEHDT", "HEROT"}
     assert {round(line.headingT, 1) for line in sent if line.identity == "HEHDT"} >= {
