@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frames.encoders import CASES, Case, xbus_frame
+from frames.encoders import CASES, Case, G, xbus_frame
 
 from gyronorth.frames import FrameStream, decode
 from gyronorth.frames.framing import Framer
@@ -74,8 +74,13 @@ def test_what_the_unit_itself_does_is_left(name):
 
 
 def fast(values: np.ndarray) -> bytes:
-    blocks = [(0x8020, np.array([value, 0, 0], ">f4").tobytes()) for value in values]
-    return b"".join(xbus_frame([(0x1060, int(100 * i).to_bytes(4, "big")), block]) for i, block in enumerate(blocks))
+    force = (0x4020, np.array([0, 0, G], ">f4").tobytes())
+    return b"".join(
+        xbus_frame(
+            [(0x1060, int(100 * i).to_bytes(4, "big")), (0x8020, np.array([value, 0, 0], ">f4").tobytes()), force]
+        )
+        for i, value in enumerate(values)
+    )
 
 
 def test_motion_is_left_and_one_sample_alone_is_not():

@@ -8,6 +8,7 @@ import select
 import time
 import tty
 from dataclasses import replace
+from functools import partial
 from math import degrees, radians
 from typing import Any
 
@@ -108,6 +109,7 @@ def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, m
     assert (tmp_path / "rec.bin").read_bytes() == case.preamble + b"".join(case.frames[:6000])[:-7]
     assert first is not None
     assert second is not None
+    assert second.heading_deg is not None
     sent: list[Any] = [NMEAReader.parse(line, validate=1) for line in heard]
     assert {line.identity for line in sent} == {"HETHS", "HEHDT", "HEROT"}
     assert {round(line.headingT, 1) for line in sent if line.identity == "HEHDT"} >= {
@@ -135,11 +137,13 @@ def test_the_heading_follows_a_turn_and_says_so():
     rows = rows_of([np.arange(10000) / 100, moving.gyro_b, moving.accel_b])
     seen = []
 
-    def look() -> None:
+    def look(row: int, fitness: str) -> None:
+        until(lambda: session.status.counters.good >= row and session.status.fitness == fitness)
         seen.append(session.status)
 
     paced = [piece for at in range(0, 7600, 200) for piece in (rows[at : at + 200], 0.12)]
-    events = [HEAD, *paced, 1.5, rows[7600:8000], 1.5, look, rows[8000:8500], 0.3, look, rows[8500:9100], 0.3, look]
+    events = [HEAD, *paced, 1.5, rows[7600:8000], 1.5, partial(look, 8000, "valid")]
+    events += [rows[8000:8500], partial(look, 8500, "held"), rows[8500:9100], partial(look, 9100, "held")]
     session = Session(Played(*events), LiveSettings(ReadOptions(), gn.read_sensor("isa100c"), method="mean"))
     session.start()
     assert session.ended.wait(90)
