@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from gyronorth.report.study_figures import study_figure
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -152,3 +154,48 @@ def test_every_table_of_heading_errors_has_a_floor(name):
 def test_pages_of_the_documentation_are_what_their_data_give(results, monkeypatch):
     monkeypatch.setattr(results, "PAGES", ROOT / "docs/results")
     assert results.main(["--check"]) == 0
+
+
+@pytest.mark.parametrize("name", ["paper", "published", "turned", "disturbed", "stress", "real", "league"])
+def test_a_page_shows_its_picture_before_its_first_section(name):
+    head = (ROOT / f"docs/results/{name}.md").read_text(encoding="utf-8").split("\n## ")[0]
+    (shown,) = re.findall(r"^!\[.+\]\((.+\.png)\)$", head, re.MULTILINE)
+    assert (ROOT / "docs/results" / shown).exists()
+
+
+def cell(sensor, situation, value, low, refused=0.0):
+    return [f"{sensor}: {situation}", "auto", 100, {"value": value, "low": low, "high": 1.0}, refused]
+
+
+def test_the_map_of_stress_frames_what_chance_does_not_explain():
+    columns = ["cell", "method", "recordings", "missed of valid", "refused"]
+    rows = [cell("a 100 s", "honest", 0.05, 0.02), cell("b 300 s", "bias 3, no profile", 0.4, 0.3, 0.25)]
+    study = {"study": "stress", "tables": [{"columns": columns, "rows": rows}]}
+    axes = study_figure(study).axes[0]
+    assert {text.get_text() for text in axes.texts} == {"5", "40\n25 refused"}
+    assert [patch.get_xy()[0] > 0.5 for patch in axes.patches] == [True]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        "like its profile",
+        "turn-on bias × 3, no profile given",
+    ]
+
+
+def test_the_picture_of_real_recordings_counts_headings_outside_their_interval():
+    columns = [
+        "recording",
+        "method and profile",
+        "valid",
+        "of these covered",
+        "largest error, deg",
+        "half-width, deg",
+        "reasons",
+    ]
+    rows = [
+        ["one", "auto, no profile", 2, 2, 1.0, 2.0, ""],
+        ["two", "auto, hg9900", 3, 1, 4.0, 2.0, ""],
+        ["two", "mean, hg9900", 3, 0, 4.0, 2.0, ""],
+        ["three", "auto, hg9900", 0, None, None, None, "rate_norm"],
+    ]
+    figure = study_figure({"study": "real", "tables": [{"columns": columns, "rows": rows}]})
+    assert "2 of 5 valid headings outside" in figure.get_suptitle()
+    assert [text.get_text() for text in figure.axes[0].texts] == ["refused: rate_norm"]

@@ -25,9 +25,9 @@ def print_calibration(found: Calibration, stream: TextIO) -> None:
     )
     lines = [
         ("recordings", f"{doc['recordings']}, session {doc['session'] or 'not stated'}"),
-        ("error", f"{doc['crmse_deg']:.2f} deg uncorrected, {doc['left_out_crmse_deg']:.2f} deg each left out in turn"),
+        ("error", f"{doc['crmse_deg']:.2f} deg uncorrected, {doc['left_out_crmse_deg']:.2f} deg cross-validated"),
         ("ratio", f"{ratio:.2f}: {verdict}"),
-        ("curve", f"there is one with probability {doc['curve_probability']:.2f}"),
+        ("curve", f"significant with probability {doc['curve_probability']:.2f}"),
         ("holds for", f"this unit in this power-up session; within {reach:.0f} deg of a heading of the swing"),
     ]
     print_lines(lines, stream)

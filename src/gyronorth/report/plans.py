@@ -35,7 +35,7 @@ def print_plan(plan: Plan, stream: TextIO) -> None:
         gain = "waiting longer lowers sigma by less than 5 %"
         level = "not within half a day" if useful is None else f"after {duration_text(useful)}: {gain}"
         lines += [
-            ("a heading", f"from {duration_text(shortest)} on the 95 % interval tells north from south"),
+            ("a heading", f"after {duration_text(shortest)}: the 95 % interval then tells north from south"),
             ("levels off", level),
             ("least sigma", number_text(min(doc["sigma_deg"]), unit="deg")),
         ]
