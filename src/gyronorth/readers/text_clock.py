@@ -230,7 +230,7 @@ def _unit(
 
 
 def _known_ticks(time: NDArray[np.float64], mean: float, part: Title) -> tuple[float, str] | None:
-    """Seconds in a tick of a program or unit that is known by its title or by the size of its numbers, and whose it is."""
+    """Seconds in a tick that is known by its title or by the size of its numbers, and whose it is."""
     if part.words == SAMPLE_TIME_FINE:
         return (1e-4, " of Xsens MTi") if mean <= LONGEST_FINE else (1e-6, " of Xsens DOT")
     known = any(low < time[0] < high for low, high in TICK_NUMBERS)
