@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from gyronorth.errors import InputError
+from gyronorth.readers import lvm
 from gyronorth.readers.fields import is_number, split
 from gyronorth.readers.spellings import counts_in, is_unit
 from gyronorth.readers.text_head import LONGEST_LINE
@@ -29,9 +30,6 @@ FEWEST = 3
 LONGEST_FOOTER = 20
 DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
 WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "blanks"}
-#: How the last line above the titles begins in files of LabVIEW (.lvm), which state units and steps above it, and the
-#: title of their time.
-_END_OF_HEADER, _LVM_TIME = "***End_of_Header***", "X_Value"
 #: How a line begins that is no row.
 COMMENT_MARKS = ("#", "%", "//")
 COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:(.*)$")
@@ -110,7 +108,7 @@ def sniff(path: Path) -> TextLayout:
         del lines[-1]  # the rest of a line, or nothing behind the last end
     _check_lines(lines, path.name, whole)
     plain = [line.strip("\r\n ") for line in lines]
-    above = 1 + max((i for i, line in enumerate(plain) if line.startswith(_END_OF_HEADER)), default=-1)
+    above = 1 + max((i for i, line in enumerate(plain) if line.startswith(lvm.END_OF_HEADER)), default=-1)
     delimiter, decimal, width, first = _cut(plain, path.name, above)
     if first is None:
         encoding = _latin(body, encoding, len(lines))
@@ -126,10 +124,8 @@ def sniff(path: Path) -> TextLayout:
     comments, preamble, rate_hz = _above(plain[:first], path.name)
     header_row, titles, unit_row = _titles(plain, first, delimiter, decimal, width)
     units = tuple(split(plain[unit_row], delimiter)) if unit_row is not None else ()
-    stated = {fields[0]: fields for line in plain[:above] if len(fields := split(line, delimiter)) > 1}
-    units = units or _lvm_units(stated, titles)
-    if "Delta_X" in stated and _LVM_TIME not in titles and is_number(step := stated["Delta_X"][1], decimal):
-        rate_hz = 1 / float(step.replace(",", ".")) if float(step.replace(",", ".")) > 0 else rate_hz
+    lvm_units, lvm_rate_hz = lvm.stated([split(line, delimiter) for line in plain[:above]], titles)
+    units, rate_hz = units or lvm_units, lvm_rate_hz or rate_hz
     rows = [split(line, delimiter) for line in plain[first : first + COMPARED] if _is_row_text(line)]
     rows = [row for row in rows if row]
     trailing, titles, width = _trailing(titles, rows, width)
@@ -300,16 +296,6 @@ def _titles(
             continue
         return row, _with_groups(lines, row, fields, delimiter), unit_row
     return None, (), None
-
-
-def _lvm_units(stated: Mapping[str, Sequence[str]], titles: Sequence[str]) -> tuple[str, ...]:
-    """The units of the channels that stand above the titles, the time's being ""."""
-    units = stated.get("Y_Unit_Label", ())[1:]
-    channels = [i for i, title in enumerate(titles) if title not in (_LVM_TIME, "Comment")]
-    if not any(units) or len(channels) > len(units):
-        return ()
-    found = dict(zip(channels, units, strict=False))
-    return tuple(found.get(i, "") for i in range(len(titles)))
 
 
 def _with_groups(lines: Sequence[str], row: int, fields: list[str], delimiter: str | None) -> tuple[str, ...]:
