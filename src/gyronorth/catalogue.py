@@ -241,6 +241,7 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("xlsx", "Excel .xlsx", _FORMATS + "workbook", (".xlsx",), extra="io", takes_variable=True),
     FormatInfo("miniseed", "miniSEED", _FORMATS + "miniseed", (".mseed", ".miniseed"), extra="io", takes_variable=True),
     FormatInfo("r", "data of R", _FORMATS + "r_data", (".rds", ".rda", ".rdata"), extra="r", takes_variable=True),
+    FormatInfo("imr", "Inertial Explorer .imr", _FORMATS + "imr", (".imr",), takes_columns=False),
     FormatInfo("doubles", "binary rows of KF-GINS or PSINS", _FORMATS + "doubles", takes_columns=False),
     FormatInfo("frames", "capture of a unit's frames", _FORMATS + "frames", takes_columns=False),
 )

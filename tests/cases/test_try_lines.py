@@ -6,8 +6,8 @@ The list is whole by the source: whoever makes a question or such a line without
 from __future__ import annotations
 
 import ast
+import inspect
 import json
-import sys
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -74,8 +74,8 @@ def archive(path: Path) -> None:
 def workbook(path: Path) -> None:
     import openpyxl
 
-    book = openpyxl.Workbook()
-    for sheet in (book.active, book.create_sheet("second")):
+    book = openpyxl.Workbook(write_only=True)
+    for sheet in (book.create_sheet("first"), book.create_sheet("second")):
         sheet.append(TITLED.split(","))
         for row in np.column_stack(PLAIN).tolist():
             sheet.append(row)
@@ -173,7 +173,7 @@ def makers(monkeypatch):
     create = source.Question.__init__
 
     def watched(self, *args, **kwargs):
-        frame = sys._getframe(1)
+        frame = inspect.currentframe()
         while frame is not None and len(found) < 1000:
             found.add(f"{Path(frame.f_code.co_filename).name}:{frame.f_code.co_name}")
             frame = frame.f_back

@@ -27,12 +27,16 @@ EPOCH_S = (1.0e9, 2.2e9)
 #: Steps of 100 ns since the year 1 (.NET) and since 1601 (files of Windows), from 2001 to 2039.
 TICK = 1e-7
 TICK_NUMBERS = ((6.311e17, 6.434e17), (1.262e17, 1.384e17))
+#: The time of Xsens' units, in 0.1 ms of MTi, up to 2 kHz, and in us of DOT, up to 120 Hz; the longest step of an MTi.
+SAMPLE_TIME_FINE, LONGEST_FINE = ("sample", "time", "fine"), 400.0
 #: Days since 1900 of spreadsheets, since year 0 of MATLAB, Julian days: from about 1990 to 2070.
 DAY_NUMBERS = ((32000.0, 62500.0), (726000.0, 757000.0), (2447000.0, 2478000.0))
 #: Words of a title that is seconds of the GPS week.
 OF_THE_WEEK = frozenset(("sow", "tow", "towms", "gpstow", "itow"))
 #: Seconds in one unit of the parts of a second that stand beside whole seconds.
 PARTS_OF_A_SECOND = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+_PLAIN_TIMES = (("time",), ("t",), ("timestamp",), SAMPLE_TIME_FINE)
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,7 @@ def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:
         if not text and not _runs(numbers(layout, position)):
             continue
         score = {"time": 0.0, "counter": 10.0}[part.kind] + 0.01 * position
-        score += 0.0 if part.unit or text or part.words in (("time",), ("t",), ("timestamp",)) else 1.0
+        score += 0.0 if part.unit or text or part.words in _PLAIN_TIMES else 1.0
         score += 5.0 if part.words and not set(part.words) & (TIME_WORDS | COUNTER_WORDS) else 0.0  # by its unit alone
         whole = any(other.words == part.words and other.unit == "s" for other in parts)
         score += 2.0 if part.unit in PARTS_OF_A_SECOND and whole else 0.0
@@ -198,8 +202,8 @@ def _unit(
         low, high = (bound * 1000.0**power for bound in EPOCH_S)
         if low <= float(median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
             return unit, None, f", since 1970: {time[0]:.10g}" if name != "s" else ""
-    if any(low < time[0] < high for low, high in TICK_NUMBERS):
-        return TICK, None, ", steps of 100 ns"
+    if (ticks := _known_ticks(time, mean, part)) is not None:
+        return ticks[0], None, ticks[1]
     if 1 / mean > SECONDS_RATES[1] and any(low < time[0] < high for low, high in DAY_NUMBERS):
         return DAY, None, ", days"
     whole = bool(np.allclose(time, np.rint(time), rtol=0, atol=1e-6))
@@ -223,3 +227,11 @@ def _unit(
         "another length declare the rate: --columns t=- --rate HZ."
     )
     return 1.0, Question(says, ("--time-unit", possible[0]), certain=False), ""
+
+
+def _known_ticks(time: NDArray[np.float64], mean: float, part: Title) -> tuple[float, str] | None:
+    """Seconds in a tick that is known by its title or by the size of its numbers, and whose it is."""
+    if part.words == SAMPLE_TIME_FINE:
+        return (1e-4, " of Xsens MTi") if mean <= LONGEST_FINE else (1e-6, " of Xsens DOT")
+    known = any(low < time[0] < high for low, high in TICK_NUMBERS)
+    return (TICK, ", steps of 100 ns") if known else None
