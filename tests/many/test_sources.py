@@ -83,6 +83,15 @@ def test_lines_of_a_list_are_counted_from_here_and_else_from_the_list(tree):
     assert names("@far/list.txt") == ["run 1.csv", "x_9.csv"]
 
 
+def test_a_url_of_a_local_file_is_a_path(tree):
+    Path("c").mkdir()
+    for name in ("a=b 1.csv", "#2.csv"):
+        Path("c", name).write_text("")
+    base = Path("c").absolute().as_uri()
+    assert names(base) == names(f"{base}/*.csv") == [f"{base}/%232.csv", f"{base}/a%3Db%201.csv"]
+    assert names("c/#2.csv", base) == ["c/#2.csv", f"{base}/a%3Db%201.csv"]  # each once
+
+
 def test_a_file_whose_name_is_no_text_has_one(tree):
     Path("c").mkdir()
     Path("c", "x\udcff.csv").write_text("")
