@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from math import comb
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,10 @@ def picked(whole: Any, index: Any) -> Any:
     """Some of the leading entries of an array, or of every array of a dataclass; numbers and None are of all."""
     if is_dataclass(whole) and not isinstance(whole, type):
         return replace(whole, **{name: picked(each, index) for name, each in _fields(whole)})
-    return whole[index] if isinstance(whole, np.ndarray) and whole.ndim else whole
-
-
-def _fields(of: Any) -> list[tuple[str, Any]]:
-    return [(field.name, getattr(of, field.name)) for field in fields(of)]
+    if not isinstance(whole, np.ndarray):
+        return whole
+    entries = cast("NDArray[Any]", whole)
+    return entries[index] if entries.ndim else entries
 
 
 def stacked(every: Sequence[Any]) -> Any:
@@ -37,6 +36,10 @@ def stacked(every: Sequence[Any]) -> Any:
     if is_dataclass(first) and not isinstance(first, type):
         return replace(first, **{name: stacked([getattr(each, name) for each in every]) for name, _ in _fields(first)})
     return first if first is None else np.stack(every)
+
+
+def _fields(of: Any) -> list[tuple[str, Any]]:
+    return [(field.name, getattr(of, field.name)) for field in fields(of)]
 
 
 def median(x: Array, axis: int | None = None) -> Array:

@@ -71,6 +71,27 @@ def test_each_recording_of_an_archive_is_one(tree):
     assert checksum_of(Path("a/gone.csv")) == checksum_of(Path("a/two.zip/gone.csv")) == ""
 
 
+def test_lines_of_a_list_are_counted_from_here_and_else_from_the_list(tree):
+    Path("far/away").mkdir(parents=True)
+    Path("far/away/run 1.csv").write_text("")
+    Path("far/away/x_9.csv").write_text("")
+    Path("x_9.csv").write_text("")
+    lines = ["run 1.csv", "x_9.csv", "run*.csv", "away", "nowhere.csv", "a\x85b.csv", "# not this"]
+    Path("far/away/list.txt").write_bytes("\ufeff".encode() + "\r\n".join(lines).encode())
+    assert names("@far/away/list.txt") == ["far/away/run 1.csv", "x_9.csv", "away", "nowhere.csv", "a\x85b.csv"]
+    Path("far/list.txt").write_text("away\n")
+    assert names("@far/list.txt") == ["run 1.csv", "x_9.csv"]
+
+
+def test_a_url_of_a_local_file_is_a_path(tree):
+    Path("c").mkdir()
+    for name in ("a=b 1.csv", "#2.csv"):
+        Path("c", name).write_text("")
+    base = Path("c").absolute().as_uri()
+    assert names(base) == names(f"{base}/*.csv") == [f"{base}/%232.csv", f"{base}/a%3Db%201.csv"]
+    assert names("c/#2.csv", base) == ["c/#2.csv", f"{base}/a%3Db%201.csv"]  # each once
+
+
 def test_a_file_whose_name_is_no_text_has_one(tree):
     Path("c").mkdir()
     Path("c", "x\udcff.csv").write_text("")

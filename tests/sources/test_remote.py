@@ -7,6 +7,7 @@ import gzip
 import os
 import socket
 import threading
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -14,6 +15,7 @@ from functools import partial
 from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from math import radians
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -145,6 +147,71 @@ def test_a_web_server(recordings):
         check(cutter, *(f"http://127.0.0.1:{cutter.port}/{name}.csv" for name in ("whole", "once", "always")))
 
 
+def headings_of(*sources: str) -> dict[str, str]:
+    """Heading of each row by its name, all valid."""
+    result = CliRunner().invoke(app, ["heading", *sources, "--sensor", "hg9900", "--out", "t.csv", "--resume"])
+    assert result.exit_code == 0, result.output
+    with open("t.csv", newline="") as file:
+        return {row["file"]: row["heading_deg"] for row in csv.DictReader(file)}
+
+
+def packed(folder: Path) -> dict[str, str]:
+    """Put recordings into an archive and into packed files; names within the folder with their headings."""
+    with zipfile.ZipFile(folder / "both of.zip", "w") as archive:
+        archive.write(folder / "whole.csv", "a b.csv")
+        archive.writestr("sub/once.csv.gz", gzip.compress((folder / "once.csv").read_bytes()))
+    (folder / "always.csv.gz").write_bytes(gzip.compress((folder / "always.csv").read_bytes()))
+    names = {"whole.csv": "both of.zip/a b.csv", "once.csv": "both of.zip/sub/once.csv.gz"}
+    names["always.csv"] = "always.csv.gz"
+    found = headings_of(str(folder))
+    assert len(set(found.values())) == 3
+    Path("t.csv").unlink()
+    for name, inside in names.items():
+        assert found[inside] == found[name]
+        (folder / name).unlink()
+    return {inside: found[name] for name, inside in names.items()}
+
+
+def test_archives_and_packed_files_behind_urls_are_as_on_the_disk(recordings, monkeypatch):
+    import fsspec
+
+    monkeypatch.setattr("tempfile.tempdir", str(recordings.parent))
+    expected = packed(recordings)
+    assert headings_of(recordings.as_uri()) == {f"{recordings.as_uri()}/{quote(n)}": h for n, h in expected.items()}
+    memory = fsspec.filesystem("memory")
+    memory.put(f"{recordings}/", "/packed/", recursive=True)
+    Path("t.csv").unlink()
+    assert headings_of("memory://packed") == {f"memory:///packed/{name}": h for name, h in expected.items()}
+    Path("t.csv").unlink()
+    with served(recordings, {"both": 1, "always": 0}) as cutter:
+        base = f"http://127.0.0.1:{cutter.port}/"
+        sources = (f"{base}both%20of.zip?v=1", f"{base}always.csv.gz")
+        found = headings_of(*sources)
+        there = {f"{base}{quote(name)}{'?v=1' if 'zip' in name else ''}": h for name, h in expected.items()}
+        assert found == there
+        assert cutter.cuts["both"] == 0  # a connection was cut in the middle
+        before = cutter.asked["always"]
+        assert headings_of(*sources) == there
+        assert cutter.asked["always"] > before  # without a state of the server its content has to come
+    assert not list(recordings.parent.glob("gyronorth-url-*/*.csv*"))
+
+
+def test_an_archive_that_is_gone_or_damaged_is_a_row(recordings):
+    (recordings / "torn.zip").write_bytes(b"PK\x03\x04" + bytes(200))
+    with served(recordings, {}) as cutter:
+        base = f"http://127.0.0.1:{cutter.port}/"
+        sources = [f"{base}{name}" for name in ("gone.zip", "torn.zip", "gone.zip/a.csv", "whole.csv")]
+        result = CliRunner().invoke(app, ["heading", *sources, "--sensor", "hg9900", "--out", "t.csv"])
+    assert result.exit_code == 2
+    with open("t.csv", newline="") as file:
+        rows = {row["file"]: row for row in csv.DictReader(file)}
+    assert list(rows) == sources
+    assert "There is no file" in rows[sources[0]]["message"]
+    assert "zip" in rows[sources[1]]["message"]
+    assert "There is no file" in rows[sources[2]]["message"]
+    assert rows[sources[3]]["valid"] == "true"
+
+
 CONTENT = b"0,1,2,3\n" * 1000
 
 
@@ -264,6 +331,17 @@ def test_an_object_store(recordings, monkeypatch):
         store.mkdir("survey")
         store.put(str(recordings) + "/", "survey/", recursive=True)
         check(cutter, "s3://survey")
+        expected = packed(recordings)
+        store.mkdir("packed")
+        store.put(str(recordings) + "/", "packed/", recursive=True)
+        Path("t.csv").unlink(missing_ok=True)
+        cutter.cuts["both"] = 1
+        there = {f"s3://packed/{name}": heading for name, heading in expected.items()}
+        assert headings_of("s3://packed") == there
+        asked = cutter.asked["both"]
+        assert asked == 2  # cut, then once for the list and both recordings
+        assert headings_of("s3://packed") == there
+        assert cutter.asked["always.csv.gz"] == 0
     finally:
         cutter.close()
         server.stop()

@@ -54,7 +54,8 @@ def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
     for address in (address for text in given for address in _found(text)):
         name = address if base is None else str(Path(address).relative_to(base))
         item = Item(name.encode("utf-8", "backslashreplace").decode(), address)  # a file name may be no UTF-8
-        found.setdefault(address if is_url(address) else os.path.abspath(address), item)
+        remote = is_url(address) and not is_local(address)
+        found.setdefault(address if remote else os.path.abspath(local_path(address)), item)
     return list(found.values())
 
 

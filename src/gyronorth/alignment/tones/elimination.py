@@ -40,7 +40,8 @@ class Models:
         """Of recordings with so many frequencies each."""
         total, recordings = sum(counts), np.arange(len(counts))
         zero = sum((2 * f) ** 2 for f in counts)  # the last entry of the flat Gram matrix
-        ends, first, second, own, mixed, start, corner = [0], [], [], [], [], 0, 0
+        ends, start, corner = [0], 0, 0
+        first, second, own, mixed = (list[Index]() for _ in range(4))
         for n, f in enumerate(counts):
             i, j = tones_of(f)
             ends.append(ends[-1] + len(i))
@@ -82,7 +83,7 @@ class Tones:
     @classmethod
     def of(cls, models: Models, gram: Array) -> Tones:
         """Of the flat Gram matrices (..., g), in which the cosines stand before the sines."""
-        cosines, crossed, sines = (gram.take(places, axis=-1) for places in models.own)
+        cosines, crossed, sines = (gram.take(models.own[row, :], axis=-1) for row in range(3))
         shape, tones = (*gram.shape[:-1], len(models.owner_of_tone)), cosines.shape[-1]
         l0, l10, l1 = np.ones(shape), np.zeros(shape), np.ones(shape)
         l0[..., :tones] = np.sqrt(cosines + 1)
@@ -91,7 +92,7 @@ class Tones:
         i0, i10, i1, j0, j10, j1 = (
             each.take(which, axis=-1) for which in (models.first, models.second) for each in (l0, l10, l1)
         )
-        m00, m01, m10, m11 = (gram.take(places, axis=-1) for places in models.mixed)
+        m00, m01, m10, m11 = (gram.take(models.mixed[row, :], axis=-1) for row in range(4))
         m00, m01 = m00 / i0, m01 / i0
         m10, m11 = (m10 - i10 * m00) / i1, (m11 - i10 * m01) / i1
         m00, m10 = m00 / j0, m10 / j0
