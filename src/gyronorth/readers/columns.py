@@ -72,7 +72,7 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
             needed = ours == options.needed
             questions += _doubts(kind, candidates, parts, titles, columns if needed else None)
             if triple is not None:
-                columns |= {name: _name(i, titles) for name, i in zip(ours, triple.positions, strict=True)}
+                columns |= {name: column_name(i, titles) for name, i in zip(ours, triple.positions, strict=True)}
                 units[kind] = triple.unit
                 _check_agreed([(titles[i], parts[i].unit, parts[i].scale) for i in triple.positions])
         if triple is not None and triple.increments:
@@ -92,7 +92,7 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
         position = titles.index(exact[0]) if exact and titles.index(exact[0]) not in _taken(columns, titles) else None
         position = choose_clock(layout, parts) if position is None else position
         if position is not None:
-            columns[TIME] = _name(position, titles)
+            columns[TIME] = column_name(position, titles)
     if any(not question.options for question in questions):  # one --columns for all
         text = columns_text({**{k: v for k, v in columns.items() if k != TIME}, **declared})
         questions[-1] = Question(questions[-1].says, ("--columns", text), certain=False)
@@ -176,7 +176,7 @@ def _unnamed_force(
             found.append(i)
     if len(found) != 1:
         return {}, []
-    named: dict[str, str | int] = {ours: _name(found[0] + k, titles) for k, ours in enumerate(FORCES)}
+    named: dict[str, str | int] = {ours: column_name(found[0] + k, titles) for k, ours in enumerate(FORCES)}
     says = f"{label(titles[found[0]], titles[found[0] + 2])} are like the specific force, and no title says so."
     return named, [Question(says, ("--columns", columns_text({**columns, **named})), certain=False)]
 
@@ -193,7 +193,7 @@ def _along(triple: Triple, axes: str | None) -> Triple:
 def _which(kind: str, ours: tuple[str, ...], candidates: Sequence[Triple], titles: Sequence[str]) -> Question:
     word = _WORDS[kind]
     listed = "; ".join(
-        columns_text({name: _name(i, titles) for name, i in zip(ours, each.positions, strict=True)})
+        columns_text({name: column_name(i, titles) for name, i in zip(ours, each.positions, strict=True)})
         for each in candidates
     )
     return Question(f"{len(candidates)} triples may be the {word}: {listed}. Which one is meant?", (), certain=False)
@@ -213,7 +213,7 @@ def _doubts(
     bare = None if candidates or columns is None else bare_triple(parts)
     if bare is None or columns is None:
         return []
-    columns |= {name: _name(i, titles) for name, i in zip(ours, bare, strict=True)}
+    columns |= {name: column_name(i, titles) for name, i in zip(ours, bare, strict=True)}
     says = f"Only {', '.join(titles[i] for i in bare)} may be the {_WORDS[kind]}, and no title says so."
     return [Question(says, ("--columns", columns_text(columns)), certain=False)]
 
@@ -235,11 +235,12 @@ def _check_agreed(units: Sequence[tuple[str, str | None, float]]) -> None:
         )
 
 
-def _name(position: int, titles: Sequence[str]) -> str | int:
+def column_name(position: int, titles: Sequence[str]) -> str | int:
     """A title, or its position where it is there twice or would not read back."""
     title = titles[position]
-    plain = title and titles.count(title) == 1 and not title.isdigit() and title != "-" and "," not in title
-    return title if plain else position
+    plain = title and titles.count(title) == 1 and title != "-" and "," not in title
+    # A title that is a number goes before the position of that number.
+    return title if plain and (not title.isdigit() or str(position) in titles) else position
 
 
 def _position(wanted: str | int | None, titles: Sequence[str]) -> int | None:

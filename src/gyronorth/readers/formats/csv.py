@@ -23,7 +23,7 @@ import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
-from gyronorth.readers.columns import Chosen, by_numbers, by_titles, told
+from gyronorth.readers.columns import Chosen, by_numbers, by_titles, column_name, told
 from gyronorth.readers.evidence import is_whole
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
@@ -207,7 +207,8 @@ def _by_numbers(layout: TextLayout, options: ReadOptions, declared: dict[str, st
     found = by_numbers(layout, options.needed)
     if found is None:
         return None
-    columns = {**found.columns, **declared}
+    proposed = {ours: column_name(int(at), layout.titles) for ours, at in found.columns.items()}
+    columns = {**proposed, **declared}
     titles = ", ".join(title[:20] for title in layout.titles[:8]) + (", ..." if len(layout.titles) > 8 else "")
     says = f"No title of {name} is known: {titles}. By its first rows {found.questions[0].says}"
     return Chosen(columns, questions=(Question(says, ("--columns", columns_text(columns)), certain=False),))
