@@ -135,7 +135,7 @@ CASES = [
     Asked("declared.py:_open", "does not state its rate", "rate.csv",
           of(text(titled(*fields), PLAIN[1:], TEXT_TIME[1:])), fill=tuple(HZ.items())),
     Asked("formats/csv.py:_by_numbers", "No title of letters.csv is known", "letters.csv", of(text(["a,b,c,d,e,f,g"]))),
-    Asked("formats/csv.py:_by_numbers", "No title of numbered.csv is known", "numbered.csv", of(text(["a,b,c,1,2,d,e"]))),
+    Asked("formats/csv.py:_by_numbers", "No title of digits.csv is known", "digits.csv", of(text(["a,b,c,1,2,d,e"]))),
     Asked("formats/csv.py:_chosen", "has no header", "bare.csv", of(text([]))),
     Asked("formats/csv.py:_counting", "its columns w_x, ... hold whole numbers", "lsb.csv", of(text(
         ["# gyro: 100000000 LSB/(deg/s), accel: 1000000 LSB/g", "t_s,gx,gy,gz,ax,ay,az"],
