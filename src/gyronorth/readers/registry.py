@@ -164,21 +164,27 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0, packed: int | None
 
 
 def _refuse_unread(path: Path, head: bytes, options: ReadOptions) -> None:
-    """Refuse pickles, and formats of which it is known that they are not read."""
+    """Refuse pickles, formats of which it is known that they are not read, and sentences without raw rates."""
     undeclared = options.format is None and FORMATS.suffixes.get(path.suffix.lower(), "csv") == "csv"
     if undeclared and (says := foreign(head, path.name)):
         raise InputError(says)
     if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
         raise InputError(pickled(path.name))
+    if _may_be_text(path, options) and not options.columns and head.startswith((b"$VN", b"#AP")):
+        from gyronorth.readers.formats.frames import refuse_others
+
+        refuse_others(path)
+
+
+def _may_be_text(path: Path, options: ReadOptions) -> bool:
+    """Whether neither declaration nor suffix says that a file is no text."""
+    by_suffix = FORMATS.suffixes.get(path.suffix.lower(), "csv")
+    return options.protocol is None and (options.format or by_suffix) == "csv"
 
 
 def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | None:
     """What writes a text as a table that is none; None for all other files."""
-    text = options.format == "csv" or (
-        options.format is None and FORMATS.suffixes.get(path.suffix.lower(), "csv") == "csv"
-    )
-    text = text and options.protocol is None
-    return rewriter_of(_head(path, LOOK)) if text else None
+    return rewriter_of(_head(path, LOOK)) if _may_be_text(path, options) else None
 
 
 def _of_two(path: Path, options: ReadOptions) -> Source:
@@ -216,10 +222,6 @@ def _by_format(path: Path, options: ReadOptions, packed: int | None = None) -> S
         raise InputError(f"topic {options.topic!r} is declared, but {path.name} is neither a bag nor an MCAP file.")
     if options.columns and not info.takes_columns:
         raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
-    if name == "csv" and not options.columns and _head(path, 3).startswith((b"$VN", b"#AP")):
-        from gyronorth.readers.formats.frames import refuse_others
-
-        refuse_others(path)
     return _read(FORMATS[name], path, options, packed)
 
 

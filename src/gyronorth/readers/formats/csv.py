@@ -205,7 +205,7 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
 def _by_numbers(layout: TextLayout, options: ReadOptions, declared: dict[str, str | int], name: str) -> Chosen | None:
     """What the numbers of a file say whose titles say nothing of a sensor; the user must agree."""
     found = by_numbers(layout, options.needed)
-    if found is None:
+    if found is None or not set(found.columns) - set(RATES):  # three columns alone, of anything
         return None
     proposed = {ours: column_name(int(at), layout.titles) for ours, at in found.columns.items()}
     columns = {**proposed, **declared}
