@@ -6,6 +6,7 @@ import gzip
 import io
 import json
 import lzma
+import struct
 import zipfile
 from math import radians
 from pathlib import Path
@@ -116,6 +117,11 @@ def boxes(
     np.savez_compressed(file, t=time, gyro=gyro, accel=accel)
     found.append(("foreign.npz", file.getvalue(), si))
     increments = np.column_stack([time + 388800, gyro / RATE_HZ, accel / RATE_HZ])
+    rows = np.zeros(ROWS, dtype=[("time", "<f8"), ("counts", "<i4", (6,))])
+    rows["time"] = 388800 + time
+    rows["counts"] = np.round(np.hstack([np.degrees(gyro) / 1e-9, accel / 1e-7]))
+    head = struct.pack("<8sbdiiddd", b"$IMURAW\0", 0, 8.8, 0, 0, RATE_HZ, 1e-9, 1e-7).ljust(512, b"\0")
+    found.append(("waypoint.imr", head + rows.tobytes(), {"latitude": LATITUDE, "axes": "frd"}))
     found.append(("kfgins.bin", increments.astype("<f8").tobytes(), {"latitude": LATITUDE, "axes": "frd"}))
     book = openpyxl.Workbook()
     book.active.append(names)
@@ -149,6 +155,19 @@ def clocks(time: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
     }
 
 
+#: A sample over several lines, a message as ROS prints it, a line of InfluxDB, and a header of LabVIEW.
+CONSOLE = "Time: {} s\nRotation X: {}, Y: {}, Z: {} rad/s\nAcceleration X: {}, Y: {}, Z: {} m/s^2\n\n"
+ECHO = (
+    "header:\n  stamp:\n    secs: {}\n    nsecs: 0\nangular_velocity:\n  x: {}\n  y: {}\n  z: {}\n"
+    "linear_acceleration:\n  x: {}\n  y: {}\n  z: {}\n---\n"
+)
+INFLUX = "imu,unit=one gyro_x={},gyro_y={},gyro_z={},acc_x={},acc_y={},acc_z={} {}\n"
+LABVIEW = (
+    "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\n\nChannels\t6\nY_Unit_Label\trad/s\trad/s\trad/s\tm/s2"
+    "\tm/s2\tm/s2\nDelta_X\t1\t1\t1\t1\t1\t1\n***End_of_Header***\nX_Value\tgx\tgy\tgz\tax\tay\taz\n"
+)
+
+
 def texts(time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[str, bytes, Options]]:
     """Texts that are no tables, and GnssLogger's own files."""
     si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE, "time_unit": "s"}
@@ -161,6 +180,9 @@ def texts(time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[s
         "array.json": json.dumps(objects, indent=1),
         "labels.txt": "".join(labels.format(*row) for row in rows),
         "triples.log": "".join(triples.format(*row) for row in rows),
+        "console.txt": "".join(CONSOLE.format(*row) for row in rows),
+        "echo.txt": "".join(ECHO.format(*row) for row in rows),
+        "lab.txt": LABVIEW + "".join("\t".join(map(repr, row)) + "\n" for row in rows),
         "brackets.txt": "t,gx,gy,gz,ax,ay,az\n" + "".join(f"{row},\n" for row in rows),
     }
     logger = ["# Raw,utcTimeMillis,TimeNanos"]
@@ -172,6 +194,8 @@ def texts(time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[s
         for kind, (x, y, z) in (("Gyro", row[1:4]), ("Accel", row[4:])):
             logger.append(f"Uncal{kind},{stamp},{x!r},{-y!r},{-z!r},0,0,0")
     found = [(name, text.encode(), si) for name, text in forms.items()]
+    influx = "".join(INFLUX.format(*row[1:], 17 * 10**17 + i * 10**9) for i, row in enumerate(rows))
+    found.append(("influx.txt", influx.encode(), {**si, "time_unit": "ns"}))
     return [*found, ("gnss_log.txt", ("\n".join(logger) + "\n").encode(), {"axes": "flu", "latitude": LATITUDE})]
 
 
