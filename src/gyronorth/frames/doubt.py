@@ -125,24 +125,26 @@ class Doubt:
         odd = ~self._goes_on(line, fields, np.arange(n - 1), np.arange(1, n), limit[1:])
         odd |= ~line.usable[:-1] | ~line.usable[1:]
         odd = np.append(not line.usable[0] or (self._last is None and n > 1 and odd[0]), odd)
+        usable_at = np.flatnonzero(line.usable)
+        before = -1  # the last one that is not damaged
         for place in np.flatnonzero(odd).tolist():
+            before = place - 1 if place and not damaged[place - 1] else before
             if not line.usable[place]:
                 damaged[place] = True
                 continue
-            kept = np.flatnonzero(~damaged[:place])
-            following = np.flatnonzero(line.usable[place + 1 :])
-            if not len(kept):
+            if before < 0:
                 damaged[place] = self._first_is_odd(line, fields, limit, place)
                 continue
-            one = (line, fields, kept[-1:], np.array([place]), limit[place : place + 1])
+            one = (line, fields, np.array([before]), np.array([place]), limit[place : place + 1])
             if self._goes_on(*one)[0]:
                 continue
-            if not len(following):
+            next_ = np.searchsorted(usable_at, place, side="right")
+            if next_ == len(usable_at):
                 if not last:
                     return place
                 damaged[place] = True
                 continue
-            damaged[place] = self._returns(*one, np.array([place + 1 + following[0]]))
+            damaged[place] = self._returns(*one, usable_at[next_ : next_ + 1])
         return n
 
     def _first_is_odd(self, line: _Line, fields: Fields, limit: Array, place: int) -> bool:
