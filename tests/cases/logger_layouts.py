@@ -79,6 +79,9 @@ LOGGERS: list[Layout] = [
         "\t\tTemperature 25.41 deg C\n\t\tAccel X: {:.6f} \tY: {:.6f} \tZ: {:.6f} m/s^2 \n"
         "\t\tGyro X: {:.14f} \tY: {:.14f} \tZ: {:.14f} radians/s \n\n", ACCEL_FLU, GYRO_FLU), FLU_AXES, asks=True,
         fill=RATE),
+    Layout("headed.txt", lines(
+        "Time: {} s\nGyro:\n X: {:.14f} Y: {:.14f} Z: {:.14f} rad/s\n"
+        "Accelerometer:\n X: {:.6f} Y: {:.6f} Z: {:.6f} m/s^2\n", SECONDS, GYRO, ACCEL), FRD),
     Layout("console.log", lines("I ({}) IMU: gx={:.10f} gy={:.10f} gz={:.10f} ax={:.7f} ay={:.7f} az={:.7f}\n",
         whole(1e3, 1000), DPS, G), FRD, asks=True),
     Layout("influx.lp", lines(

@@ -142,7 +142,8 @@ def _titles(sample: Sequence[bytes], columns: Sequence[Sequence[bytes]]) -> tupl
                 sensor = _BEHIND_AXIS.sub("", name)
             names[i], runs[i] = name, 0 if name or not i else runs[i - 1] + 1
             named += marked and runs[i] < FEWEST
-        units[len(values) - 1] = _unit(parts[-1])[0] if values else ""
+        if values:
+            units[-1] = _unit(parts[-1])[0]
         titles += _spelled_out(names, units, runs, values, len(titles))
     return titles, named
 
