@@ -83,7 +83,8 @@ def _rows(path: Path, order: str, scale: NDArray[np.float64], count: int, start:
     found = np.fromfile(path, kind, wanted, offset=HEADER + start * ROW)
     if len(found) < wanted:
         raise InputError(f"{path.name} became shorter while it was read. Read it when it is whole.")
-    return np.column_stack([found["time"], found["counts"]]) * scale
+    with np.errstate(invalid="ignore"):  # a damaged time is refused as what it is
+        return np.column_stack([found["time"], found["counts"]]) * scale
 
 
 FORMAT = Format(format_info("imr"), open_imr, recognises=lambda head: head.startswith(SIGNATURE))
