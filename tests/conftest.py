@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
@@ -70,3 +72,30 @@ def real_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recorded data: {folder} is not a folder (set GYRONORTH_REAL_DATA)")
     return folder
+
+
+#: How long a page may take to come to what is expected of it, ms: a busy machine is no fault of the page.
+PATIENCE_MS = 300_000
+
+
+@pytest.fixture(scope="module")
+def new_page() -> Iterator[Callable[..., Any]]:
+    """Opens pages of Debian's Chromium, which must be there in CI."""
+    pytest.importorskip("playwright", reason="playwright comes with the extra dev")
+    from playwright.sync_api import expect, sync_playwright
+
+    path = shutil.which("chromium")
+    if path is None:
+        told = "chromium is not installed: apt-get install chromium (make browser does it)"
+        pytest.fail(told) if os.environ.get("CI") else pytest.skip(told)
+    expect.set_options(timeout=PATIENCE_MS)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"], timeout=PATIENCE_MS)
+
+        def opened(**options: Any) -> Any:
+            page = browser.new_page(**options)
+            page.set_default_timeout(PATIENCE_MS)
+            return page
+
+        yield opened
+        browser.close()

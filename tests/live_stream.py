@@ -55,7 +55,7 @@ def session_of(*events, save: Path | None = None, **settings) -> Session:
     settings = {"reading": ReadOptions(), "method": "mean"} | settings
     session = Session(Played(*events), LiveSettings(save=save, **settings))
     session.start()
-    assert session.ended.wait(90)
+    assert session.ended.wait(300)
     session.close()
     return session
 

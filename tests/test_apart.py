@@ -88,11 +88,13 @@ def spin(_):
         pass
 
 
+@pytest.mark.slow
 def test_what_never_ends_is_ended():
     with pytest.raises(InputError, match=r"a\.file took more than 1 s of computing"):
         serving(spin, Limits(seconds=1, memory=1 << 28)).ask(None)
 
 
+@pytest.mark.slow
 def test_time_may_be_given_anew_with_a_request():
     child = serving(lambda _: sum(range(1_000_000)), Limits(seconds=600, memory=1 << 28))
     assert child.ask(None, seconds=20) > 0

@@ -45,6 +45,7 @@ def test_mean_of_rows_is_that_of_numpy(shape):
         assert np.array_equal(mean_of_rows(x), x.mean(axis=-2))
 
 
+@pytest.mark.slow
 def test_a_short_heading_loads_no_more_than_it_needs(tmp_path):
     """Libraries that cost as much as the heading itself are not loaded for it."""
     import gyronorth as gn

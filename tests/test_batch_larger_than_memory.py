@@ -12,6 +12,7 @@ from gyronorth import pipeline
 from gyronorth.errors import InputError
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["float64", "float32"])
 def test_memory_maps_and_single_precision(tmp_path, monkeypatch, kind):
     rng = np.random.default_rng(2)

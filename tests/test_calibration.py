@@ -47,6 +47,7 @@ def test_a_body_fixed_bias_is_learnt_and_corrected_in_its_session(swing, tmp_pat
     assert "deviation_applied" in {warning.code for warning in corrected.warnings}
 
 
+@pytest.mark.slow
 def test_another_or_no_session_is_left_alone_unless_told_otherwise(swing):
     model = calibrate(swing).model
     for session in ("another", None):

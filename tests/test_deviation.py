@@ -78,6 +78,7 @@ def test_turning_all_recordings_turns_the_curve():
     assert_allclose(first, second, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_no_harm_where_nothing_can_be_learnt_and_the_interval_holds():
     # 12 sets of 24 to learn from, 200 others each. The bound is 1.03 and 93 to 97 %; the spread over 12
     # sets is 0.4 % and 1 %, and so the bounds here are two of those further out.

@@ -73,7 +73,7 @@ def clone(tmp_path, monkeypatch):
 
 
 def run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=300, check=False)
 
 
 def need_extras(path: Path) -> None:
@@ -85,6 +85,7 @@ def need_extras(path: Path) -> None:
         pytest.importorskip("onnxruntime", reason="onnxruntime comes with the extra learned")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_page_runs_and_shows_what_comes_out(page, clone, monkeypatch):
     need_extras(page)
@@ -260,6 +261,7 @@ def test_figures_in_the_pictures_are_current(names):
         assert labels[0] == labels[1], f"run `make pictures`: {name}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.stem)
 def test_example_runs(example, clone, capsys, monkeypatch):
     need_extras(example)

@@ -80,6 +80,7 @@ def test_imports_go_one_way(monkeypatch):
 PRIVATE_NAMES = {"_exit", "_state", "_gather", "_get_variance"}
 
 
+@pytest.mark.slow
 def test_tests_reach_for_no_private_name():
     found = set()
     for path in (ROOT / "tests").rglob("*.py"):
@@ -106,6 +107,7 @@ def test_floors_are_ten_at_most():
 SHARED = {"Options"}
 
 
+@pytest.mark.slow
 def test_no_class_shares_its_name_with_another():
     names = Counter(
         node.name
@@ -116,6 +118,7 @@ def test_no_class_shares_its_name_with_another():
     assert {name for name, count in names.items() if count > 1} <= SHARED
 
 
+@pytest.mark.slow
 def test_sizes():
     """Lines of every file, parameters of every public function."""
     assert len(SOURCES) > 100

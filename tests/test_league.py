@@ -63,6 +63,7 @@ def test_the_sets_are_those_of_their_seed():
         assert len(one.heading) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The copy keyword is deprecated")  # python-ins with pandas 3
 @pytest.mark.parametrize(
     "program", [pytest.param(name, marks=[pytest.mark.long] * ("filter" in name)) for name in league.PROGRAMS]
@@ -79,6 +80,7 @@ def test_every_program_answers(program):
     assert row["error_deg"] < 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["StaticAlignment", "StaticWahbaAlignment"])
 def test_the_closed_form_agrees_with_navtoolkit(kind):
     """Another program's heading of the same samples, of which it leaves out the last: it is then aligned."""

@@ -46,6 +46,7 @@ def test_quaternions_and_the_matrix_say_the_same(roll, pitch, heading):
         assert np.cos(found.yaw_enu - np.arctan2(forward[1], forward[0])) == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_simulated_units():
     """An accelerometer bias tilts the level by b / g and turns the heading by tan(latitude) of it: 120 units."""
     sensor = Sensor("tilted", TriadErrors(white=1e-7), TriadErrors(turn_on_bias=2e-3 * STANDARD_GRAVITY))

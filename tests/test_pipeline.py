@@ -87,6 +87,7 @@ def test_interval_crossing_north_has_low_above_high():
     assert_allclose(angle_error(high, estimate.heading), angle_error(estimate.heading, low), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_one_recording_and_a_batch_agree():
     runs = [recorded(seed=seed, heading=seed) for seed in range(2)]
     swaying = recorded(seed=9, motion=Motion(disturbance="sway"))
@@ -299,6 +300,7 @@ def test_network_is_refused_where_the_mean_is_not_earth_rate():
         assert codes == {"rate_norm", "implied_latitude"}
 
 
+@pytest.mark.slow
 def test_learned_beats_the_mean_on_the_reference_mix_and_says_so():
     made = reference_set(runs=100)
     sensor = Sensor("mix", TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR, turn_on_bias=0.1 * DEG_PER_HOUR))
@@ -420,6 +422,7 @@ def long_ones(kind, duration, runs):
     return found, off / [one.sigma for one in found]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "duration"), [("warmup", 400.0), ("soak", 900.0)])
 def test_auto_is_not_deceived_by_a_long_recording_that_warms_up(kind, duration):
     """Chi-square over 20 headings is beyond 45.3 once in 1000 times; holding the bias constant gives ten times that."""

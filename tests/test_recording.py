@@ -102,6 +102,7 @@ def test_times_without_a_zone_and_in_another_zone_are_utc_afterwards():
         shift_utc("9999-12-31T23:59:59Z", 1e9)
 
 
+@pytest.mark.slow
 def test_every_command_chooses_the_latitude_alike():
     """Once `heading` refused a conflict that `calibrate` and `allan` passed over, each with a latitude of its own."""
     from gyronorth.allan import characterise

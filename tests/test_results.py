@@ -31,6 +31,7 @@ def results(tmp_path, monkeypatch):
     return module
 
 
+@pytest.mark.slow
 def test_the_pages_are_what_their_data_give():
     assert sorted(folder.name for folder in (ROOT / "docs/results/data").iterdir()) == [
         "disturbed",
@@ -88,6 +89,7 @@ not yet
 """
 
 
+@pytest.mark.slow
 def test_page_is_filled_from_the_files(results, tmp_path):
     study(tmp_path / "run")
     (tmp_path / "results/paper.intro.md").write_text(INTRO)
@@ -151,6 +153,7 @@ def test_every_table_of_heading_errors_has_a_floor(name):
     assert [title for title, body in tables.items() if not re.search(r"\b[Ff]loor\b|\| bound, deg", body)] == []
 
 
+@pytest.mark.slow
 def test_pages_of_the_documentation_are_what_their_data_give(results, monkeypatch):
     monkeypatch.setattr(results, "PAGES", ROOT / "docs/results")
     assert results.main(["--check"]) == 0

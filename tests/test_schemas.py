@@ -58,6 +58,7 @@ def test_the_files_are_those_of_the_types(monkeypatch):
     sys.modules.pop("make_schemas")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_an_output_is_valid_and_has_no_other_field(name):
     document = json.loads(json.dumps(output(name), allow_nan=False))

@@ -115,6 +115,7 @@ def assert_same(ours, offline):
 # --- the same as offline --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", [SENSOR, None], ids=["profile", "unknown"])
 @pytest.mark.parametrize("name", ["still", "tilted", "turned", "sway", "coning", "knocked", "gyro only"])
 def test_stream_gives_the_heading_of_the_recording(name, profile):
@@ -125,6 +126,7 @@ def test_stream_gives_the_heading_of_the_recording(name, profile):
     assert_same(ours, heading(recording, sensor=profile, method=method))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["mean", "inertial", "bayes", "learned", "paper"])
 def test_stream_gives_the_heading_of_each_method(method):
     recording = scene("sway")
@@ -145,6 +147,7 @@ def test_a_deviation_curve_corrects_a_stream_of_its_session(session, applied):
     assert (abs(angle_error(plain, ours.heading)) > 0.05) == applied
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [565.0, 128.0, 10.0, 2.5])
 @pytest.mark.parametrize("name", ["still", "turned"])
 def test_any_rate(name, rate_hz):
@@ -166,11 +169,13 @@ def test_half_an_hour_at_600_hz(name):
     assert_same(stream_of(recording, sensor=SENSOR, blocks=(4096,)).estimate(), heading(recording, sensor=SENSOR))
 
 
+@pytest.mark.slow
 def test_real_swaying_vehicle(real_data):
     recording = read(real_data / "lasergyro.imu")
     assert_same(stream_of(recording).estimate(), heading(recording))
 
 
+@pytest.mark.slow
 def test_estimates_on_the_way_change_nothing():
     recording = scene("turned")
     stream = StreamingHeading(rate_hz=600, latitude=LATITUDE, accelerometer=True, sensor=SENSOR)
@@ -189,6 +194,7 @@ def in_one_block(name):
     return stream_of(scene(name), blocks=(10**6,), sensor=SENSOR, method="mean")
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(
     blocks=st.lists(st.integers(1, 5000), min_size=1, max_size=8).filter(lambda sizes: sum(sizes) > 100 * len(sizes))
@@ -205,6 +211,7 @@ def test_blocks_of_any_size_give_the_same(blocks):
     assert ours.valid == theirs.valid
 
 
+@pytest.mark.slow
 def test_sample_by_sample():
     recording = scene("sway", duration=30.0, rate_hz=100.0)
     assert_same(stream_of(recording, blocks=(1,)).estimate(), heading(recording))
@@ -271,6 +278,7 @@ def test_memory_and_work_do_not_grow_with_time(monkeypatch):
     assert long.store.count * long.store.size + long.store.waiting == 960 * 600  # no sample is lost
 
 
+@pytest.mark.slow
 def test_rows_merged_do_not_grow_with_time(monkeypatch):
     """Samples pass once; rows once per doubling of the time: fewer in all than there were samples."""
     counted = []
@@ -302,6 +310,7 @@ def test_a_day(monkeypatch):
     assert "older_merged" in {f.code for f in stream.estimate().warnings}
 
 
+@pytest.mark.slow
 def test_only_the_newest_poses_are_fitted():
     """Twenty turns of 90 deg: the newest 16 poses, a warning, and the heading of the recording."""
     still = Sensor("white", TriadErrors(white=1e-6), TriadErrors(white=1e-4))
@@ -393,6 +402,7 @@ def test_wrong_settings_are_refused_at_once(change, said):
         StreamingHeading(**{"rate_hz": 100, "latitude": LATITUDE, "accelerometer": True, **change})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_too_short_is_said_and_not_raised(method):
     stream = StreamingHeading(rate_hz=100, latitude=LATITUDE, accelerometer=True, method=method)

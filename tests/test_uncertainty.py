@@ -39,6 +39,7 @@ def test_quantiles_are_those_of_their_laws():
     assert_allclose([STUDENT1_975, STUDENT2_975, STUDENT14_975], stats.t.ppf(0.975, [1, 2, 14]), atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weighting", list(WEIGHTS))
 @settings(max_examples=5)
 @given(ratio=floats(0.01, 2000))
@@ -133,6 +134,7 @@ def test_levelling_error_costs_tan_latitude():
     assert_allclose(part, 1e-3 * np.tan(LATITUDE), rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("term", ["white", "flicker", "random_walk", "quantisation"])
 def test_variance_of_the_mean_is_that_of_simulated_errors(term):
     errors = TriadErrors(**{term: 1.0})
@@ -157,6 +159,7 @@ def test_detrended_angle_variance_is_that_of_simulated_drift():
     assert np.mean(measured > limit) < 0.015
 
 
+@pytest.mark.slow
 @given(floats(0.01, 5e4))
 def test_von_mises_table_agrees_with_scipy(kappa):
     sigma, half = von_mises(kappa)

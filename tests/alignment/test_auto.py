@@ -43,6 +43,7 @@ def test_two_poses_are_turned():
     assert chosen(problem(motion=Motion(turns=((45.0, 10.0, np.pi),)))).method == "turned"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_what_the_accelerometer_sees_is_no_earth_rate(seed):
     result = chosen(problem("hg9900", seed=seed, motion=Motion(disturbance=rolling)))
@@ -51,6 +52,7 @@ def test_what_the_accelerometer_sees_is_no_earth_rate(seed):
     assert result.posterior.sigma < np.radians(1.0)
 
 
+@pytest.mark.slow
 def test_bayes_says_where_it_does_not_explain_a_recording():
     explained = registry.solve("bayes", problem(seed=1), registry.Options()).disturbance
     wild = problem("hg9900", seed=1, motion=Motion(disturbance=rolling))

@@ -47,6 +47,7 @@ def test_noise_free_mean_returns_its_attitude(heading, roll, pitch, latitude):
     assert_allclose([found.roll, found.pitch], [roll, pitch], atol=1e-12)
 
 
+@pytest.mark.slow
 @given(**ATTITUDES)
 def test_noise_free_inertial_frame_returns_its_attitude(heading, roll, pitch, latitude):
     recording = simulate(
@@ -112,6 +113,7 @@ def _swinging(times, *, runs, rng):
     return np.radians(1 / 6) * np.sqrt(2) * np.sin(2 * np.pi * frequency * times[:, None] + phase)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accel_white", [0.0, 100e-6 * 9.80665])
 def test_scatter_of_the_inertial_frame_is_the_derived_one(accel_white):
     # Gyro white noise costs sqrt(1.2) of the floor, accelerometer white noise sqrt(12) N / (g Omega cos lat T^1.5).

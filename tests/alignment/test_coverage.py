@@ -39,6 +39,7 @@ def rms(error):
     return np.sqrt(np.mean(error**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [1500, pytest.param(20_000, marks=pytest.mark.long)])
 @pytest.mark.parametrize("latitude_deg", [32.11, -60.0])
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0, 0), (20, -35)])
@@ -56,6 +57,7 @@ def test_white_noise_error_is_the_floor(latitude_deg, roll_deg, pitch_deg, runs)
     assert np.mean(~batch.valid) <= 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "count"),
     [
@@ -91,6 +93,7 @@ def test_auto_costs_nothing_on_quiet_recordings(runs):
         assert np.mean(squares[0]) <= 1.08**2 * np.mean(squares[1]) + chance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["mean", pytest.param("auto", marks=pytest.mark.long)])
 def test_interval_covers_flicker_made_another_way(method):
     sensor = read_sensor("sdc500")
@@ -105,6 +108,7 @@ def test_interval_covers_flicker_made_another_way(method):
     assert np.mean(~batch.valid) <= 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bias_deg_h", [0.05, 0.5, 3.0, *(pytest.param(b, marks=pytest.mark.long) for b in (0.1, 0.2, 1.0, 2.0))]
 )

@@ -74,6 +74,7 @@ def test_an_accelerometer_without_gravity_is_refused(unit, factor):
     assert "gravity" in {reason.code for reason in reasons}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pitch_deg", [60, 88, 88.9, 89.5])
 @pytest.mark.parametrize("method", ["mean", "inertial"])
 def test_near_the_gimbal_sigma_grows_or_it_is_refused(pitch_deg, method):

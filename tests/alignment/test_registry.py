@@ -64,6 +64,7 @@ def recording():
     return ROOT / "examples/data/demo.npz"
 
 
+@pytest.mark.slow
 def test_a_toy_method_runs_at_the_command_line_with_json_and_report(tmp_path, recording):
     page = tmp_path / "toy.html"
     arguments = ("heading", recording, "--sensor", "sdc500", "--method", "median", "--json", "--report", page)
@@ -76,6 +77,7 @@ def test_a_toy_method_runs_at_the_command_line_with_json_and_report(tmp_path, re
     assert "median" in page.read_text()
 
 
+@pytest.mark.slow
 def test_a_toy_method_is_judged_by_the_gates_and_streams_and_batches(tmp_path):
     body = """
 import gyronorth as gn

@@ -335,6 +335,7 @@ def coverage(errors: TriadErrors, runs: int, n: int, rate_hz: float, *, seed: in
     }
 
 
+@pytest.mark.slow
 def test_intervals_of_short_records_hold_the_truth():
     # 40 records of 100 s; the long test below is the thorough one.
     errors = TriadErrors(white=1.0, flicker=2.0)
@@ -395,6 +396,7 @@ def still(errors: TriadErrors, bias: np.ndarray, *, n: int = 9000, rate_hz: floa
 BIAS = np.array([0.8, -1.0, 0.6]) * DEG_PER_HOUR
 
 
+@pytest.mark.slow
 def test_profile_is_written_and_read_back(tmp_path):
     found = characterise(still(TriadErrors(white=ARW, flicker=DEG_PER_HOUR), BIAS))
     write_sensor(found.sensor, tmp_path / "mine.json")
@@ -405,6 +407,7 @@ def test_profile_is_written_and_read_back(tmp_path):
     assert "bench.csv" in again.source
 
 
+@pytest.mark.slow
 def test_what_is_not_identified_stands_as_its_bound():
     found = characterise(still(TriadErrors(white=ARW), BIAS))
     gyro, triad = found.sensor.gyro, found.gyro.triad
@@ -424,6 +427,7 @@ def test_the_worst_axis_counts():
     assert found.accel is None
 
 
+@pytest.mark.slow
 def test_base_supplies_what_allan_deviation_cannot_see():
     base = Sensor(
         "base",
@@ -439,6 +443,7 @@ def test_base_supplies_what_allan_deviation_cannot_see():
     assert sensor.gyro.white < 2 * ARW
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latitude", [LATITUDE, np.radians(-60.0), None])
 def test_inferred_turn_on_bias_claims_95_percent_for_another_axis(latitude):
     # The heading's error is the bias along east, unseen. Over 2000 units |b_east| <= 1.96 x the profile's figure
@@ -481,6 +486,7 @@ def test_heading_with_the_identified_profile_holds_the_truth():
     assert np.mean(valid) >= at_least(0.99, 40)
 
 
+@pytest.mark.slow
 def test_accelerometer_bias_is_inferred_from_gravity():
     record = still(TriadErrors(white=ARW), BIAS)
     biased = Recording(record.gyro_b, record.accel_b - [0, 0, 0.01], 5.0, latitude=LATITUDE)
@@ -502,6 +508,7 @@ def test_accelerometer_that_does_not_vary_is_left_out():
     assert any("does not vary" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_json_is_plain_and_in_the_units_of_profiles():
     found = characterise(still(TriadErrors(white=ARW, flicker=DEG_PER_HOUR), BIAS))
     document = json.loads(json.dumps(found.to_json(), allow_nan=False))
@@ -516,6 +523,7 @@ def test_json_is_plain_and_in_the_units_of_profiles():
     assert_allclose(document["turn_on_bias_deg_h"] * DEG_PER_HOUR, found.sensor.gyro.turn_on_bias)
 
 
+@pytest.mark.slow
 def test_earth_rate_units():
     # A unit without errors pointing anywhere: nothing is left for the bias but the noise of the mean.
     found = characterise(still(TriadErrors(white=ARW), np.zeros(3)))
@@ -532,6 +540,7 @@ def test_a_record_that_repeats_itself_is_refused():
         identify(x, rate_hz=100.0)
 
 
+@pytest.mark.slow
 def test_a_bound_is_marked_in_the_profile_and_told_by_heading(tmp_path):
     """Ten minutes do not identify the drift of a fibre-optic gyro: the file says so, and so does every heading."""
     recording = simulate("isa100c", latitude=0.84, heading=1.0, duration=600, rate_hz=5, rng=np.random.default_rng(1))

@@ -65,6 +65,7 @@ def test_gauss_markov_figures():
     assert model["accel_bias_initial_sigma"] == pytest.approx([1.82 * 5e-4] * 3, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_command_prints_it_and_nothing_else(tmp_path):
     recording = simulate(
         "stim300", latitude=0.8, heading=0.0, duration=120.0, rate_hz=50.0, rng=np.random.default_rng(2)

@@ -18,6 +18,7 @@ from gyronorth.earth import STANDARD_GRAVITY
 ALL = [*LAYOUTS, *MORE, *FIELD, *LOGGERS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ALL, ids=lambda layout: layout.name)
 def test_a_layout_gives_the_truth(tmp_path, layout):
     (tmp_path / layout.name).write_bytes(layout.content)

@@ -98,6 +98,7 @@ def place(tmp_path: Path, request: pytest.FixtureRequest):
     return put
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_a_file_gives_its_value(place, case):
     path = place(case.name)
@@ -128,6 +129,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "options", "says"), REFUSED, ids=[name for name, *_ in REFUSED])
 def test_a_file_is_refused_with_its_cause(place, name, options, says):
     command = "heading" if name == "zup_undeclared.csv" else "info"

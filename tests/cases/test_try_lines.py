@@ -184,6 +184,7 @@ def makers(monkeypatch):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", CASES, ids=lambda asked: asked.by)
 def test_the_line_of_a_message_works_as_it_stands(tmp_path, makers, asked):
     asked.make(tmp_path / asked.name)
@@ -198,6 +199,7 @@ def test_the_line_of_a_message_works_as_it_stands(tmp_path, makers, asked):
     assert (found["force_mean_m_s2"] is not None) == asked.accel
 
 
+@pytest.mark.slow
 def test_every_message_of_the_source_has_a_case():
     """Calls that make a question or cure, and texts that hold such a line, by file and function."""
     there = set()

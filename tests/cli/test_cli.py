@@ -79,6 +79,7 @@ class TestHeading:
         assert doc["pitch_deg"] == pytest.approx(-1, abs=0.01)
         assert doc["latitude_deg"] == pytest.approx(32.11)
 
+    @pytest.mark.slow
     def test_refused_is_3_with_reasons_and_all_outputs(self, rec, tmp_path):
         outputs = {option: tmp_path / f"out.{option}" for option in ("csv", "png", "html")}
         result = run(
@@ -163,6 +164,7 @@ class TestHeading:
         assert code == 0
         assert doc["heading_deg"] == pytest.approx(ours["heading_deg"], abs=1e-6)
 
+    @pytest.mark.slow
     def test_report_lists_what_was_declared(self, rec, tmp_path, monkeypatch):
         monkeypatch.setattr("gyronorth.report.html.svg_text", lambda figure, salt: "")  # drawn in tests/report
         out = tmp_path / "out.html"
@@ -369,6 +371,7 @@ class TestWriting:
         monkeypatch.setattr(figures.Figure, "savefig", self.fail)
         self.check(tmp_path, "out.png", "heading", rec, "--plot", tmp_path / "out.png")
 
+    @pytest.mark.slow
     def test_report(self, rec, tmp_path, monkeypatch):
         from pathlib import Path
 
@@ -472,6 +475,7 @@ class TestSensors:
         row = next(line for line in text.splitlines() if line.startswith("sdc500"))
         assert row.split()[1:3] == ["0.02", "1"]  # deg/sqrt(h), deg/h
 
+    @pytest.mark.slow
     def test_allan_profile_is_accepted_by_heading(self, rec, tmp_path):
         profile, plot = tmp_path / "own.json", tmp_path / "allan.png"
         result = run("allan", rec, "-o", profile, "--plot", plot)
@@ -484,6 +488,7 @@ class TestSensors:
         assert read_sensor(profile).name == "own"
         assert run_json("heading", rec, "--sensor", profile, "--json")[1]["sensor"] == "own"
 
+    @pytest.mark.slow
     def test_allan_json(self, rec):
         code, doc = run_json("allan", rec, "--json")
         assert code == 0
@@ -494,6 +499,7 @@ class TestSensors:
         assert result.exit_code == 2
         assert "60 s" in result.stderr
 
+    @pytest.mark.slow
     def test_plan(self, tmp_path):
         plot = tmp_path / "plan.svg"
         result = run("plan", "--sensor", "sdc500", "--latitude", 32.11, "--plot", plot)
@@ -517,6 +523,7 @@ class TestProcess:
         command = [sys.executable, "-m", "gyronorth", *map(str, arguments)]
         return subprocess.run(command, capture_output=True, text=True, **options)
 
+    @pytest.mark.slow
     def test_without_standard_output(self, rec):
         command = f"{sys.executable} -m gyronorth.cli heading {rec} --sensor hg9900 >&-"
         result = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
@@ -533,6 +540,7 @@ class TestProcess:
         assert "gyronorth.cli" in loaded
         assert not loaded & {"numpy", "scipy", "pydantic", "matplotlib", "torch", "onnxruntime", "jinja2"}
 
+    @pytest.mark.slow
     def test_heading_without_figures_loads_no_matplotlib(self, rec):
         loaded = self.imported("heading", rec, "--sensor", "hg9900", "--method", "mean", "--csv", os.devnull)
         assert "gyronorth.pipeline" in loaded

@@ -74,6 +74,7 @@ def test_the_short_way_refuses_what_typer_refuses_in_the_same_words(words):
     assert told[0] == told[1]
 
 
+@pytest.mark.slow
 def test_a_heading_loads_neither_models_nor_formats_it_does_not_need(tmp_path):
     code = (
         "import sys, gyronorth.cli as cli\ntry:\n    cli.main()\nexcept SystemExit:\n    pass\n"

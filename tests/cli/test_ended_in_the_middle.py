@@ -89,6 +89,7 @@ def cases() -> Iterator[Any]:
             yield pytest.param(line, how, id=name, marks=pytest.mark.long if dear else ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("command", "how"), list(cases()))
 def test_the_old_file_is_whole(folder, command, how):
     output = folder / command.split()[-1]
@@ -124,6 +125,7 @@ def test_a_folder_is_there_when_it_is_whole(tmp_path, how):
     assert all(path.name.startswith(".") and how == "SIGKILL" for path in tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["SIGTERM", "SIGHUP", pytest.param("SIGKILL", marks=pytest.mark.long), "full"])
 def test_a_benchmark_keeps_what_is_finished(tmp_path, monkeypatch, how):
     @contextmanager

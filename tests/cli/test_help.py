@@ -52,6 +52,7 @@ def called():
         yield info.name or info.callback.__name__, info.callback
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ABOUT)
 def test_examples_use_options_that_the_command_has(name):
     command = COMMANDS[name]
@@ -73,6 +74,7 @@ def test_no_word_of_the_help_is_cut_in_a_narrow_terminal(name, monkeypatch):
     assert name or said.index("Find north:") < said.index("  explain") < said.index("Know your sensor:")
 
 
+@pytest.mark.slow
 def test_no_type_stands_behind_an_argument():
     for name in ABOUT:
         assert not re.search(r"<(path|str|list)", run(name, "--help").stdout)

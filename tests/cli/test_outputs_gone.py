@@ -10,6 +10,7 @@ import pytest
 full = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
 
 
+@pytest.mark.slow
 @full
 @pytest.mark.parametrize(
     ("command", "where", "code"),

@@ -26,6 +26,7 @@ def rec(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [
@@ -52,6 +53,7 @@ def test_a_work_that_exists_is_overwritten_on_request_alone(rec, tmp_path, comma
     assert output.stat().st_mode & 0o777 == 0o640
 
 
+@pytest.mark.slow
 def test_tables_plots_and_reports_are_written_anew(rec, tmp_path, monkeypatch):
     monkeypatch.setattr("gyronorth.report.html.svg_text", lambda figure, salt: "")  # drawn in tests/report
     outputs = [str(tmp_path / name) for name in ("a.csv", "a.html")]

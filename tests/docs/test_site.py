@@ -14,21 +14,6 @@ ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def browser():
-    """Debian's Chromium."""
-    pytest.importorskip("playwright", reason="playwright comes with the extra dev")
-    from playwright.sync_api import sync_playwright
-
-    path = shutil.which("chromium")
-    if path is None:
-        pytest.skip("chromium is not installed: apt-get install chromium (make browser does it)")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
 def build(folder: Path, settings: dict) -> Path:
     """A site by these settings."""
     file = folder / "mkdocs.yml"
@@ -55,8 +40,8 @@ def small_site(tmp_path_factory):
     return build(folder, settings)
 
 
-def test_search_from_a_folder_asks_nobody(small_site, browser):
-    page = browser.new_page(viewport={"width": 1100, "height": 800})
+def test_search_from_a_folder_asks_nobody(small_site, new_page):
+    page = new_page(viewport={"width": 1100, "height": 800})
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     page.goto((small_site / "index.html").as_uri())
@@ -102,12 +87,12 @@ LONGEST = 16_000
 
 
 @pytest.mark.long
-def test_every_page_fits_a_phone_and_paper_and_asks_nobody(tmp_path, browser):
+def test_every_page_fits_a_phone_and_paper_and_asks_nobody(tmp_path, new_page):
     site = tmp_path / "site"
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-d", str(site)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page = new_page(viewport={"width": 390, "height": 844})
     asked = []
     page.on("request", lambda request: asked.append(request.url))
     pages = sorted(site.rglob("*.html"))

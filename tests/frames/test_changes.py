@@ -25,6 +25,7 @@ AT_RATE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", [(200.0, 400.0), (400.0, 100.0), (200.0, 250.0)])
 @pytest.mark.parametrize("name", list(AT_RATE))
 def test_another_rate_is_taken_from_where_it_begins(name, rates):
@@ -37,6 +38,7 @@ def test_another_rate_is_taken_from_where_it_begins(name, rates):
     assert "rate_changed" in {finding.code for finding in report.findings}
 
 
+@pytest.mark.slow
 def test_a_running_unit_at_another_rate_is_found_within_a_few_frames():
     first, second = (encoders.novatel(300, rate=rate, text=False) for rate in (200.0, 400.0))
     stream = FrameStream("novatel")

@@ -38,12 +38,14 @@ def spoiled(case: Case, share: float, rng: np.random.Generator) -> tuple[list[by
     return frames, hit
 
 
+@pytest.mark.slow
 def test_protocols_with_a_sum_are_those():
     assert {made(name).protocol for name in SUMMED} == {
         "hg4930", "vectornav-ascii", "mip", "xbus", "inertial-labs", "anello", "anello-x3"
     }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SUMMED)
 def test_errors_that_undo_each_other_in_the_sum_invent_no_sample(name):
     case = made(name)
@@ -97,6 +99,7 @@ def test_motion_is_left_and_one_sample_alone_is_not():
     assert (len(samples), report.unusable, report.lost) == (899, 1, 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SUMMED)
 def test_frames_in_doubt_do_not_hang_on_the_pieces(name):
     case = made(name)

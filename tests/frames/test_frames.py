@@ -38,6 +38,7 @@ def test_every_protocol_has_a_case():
     assert {made(name).protocol for name in CASES} == set(NAMES)
 
 
+@pytest.mark.slow
 @CASE
 def test_a_damaged_capture_gives_what_was_sent_and_counts_what_is_lost(name):
     case, rng = CASES[name](1500), np.random.default_rng(7)
@@ -102,6 +103,7 @@ def test_only_other_messages_are_an_input_error(name):
             decode(b"".join(case.others) * 20, case.protocol, case.options)
 
 
+@pytest.mark.slow
 @CASE
 @pytest.mark.parametrize("size", [1, None, pytest.param(97, marks=pytest.mark.long)])
 def test_pieces_give_what_the_whole_gives(name, size):
@@ -126,6 +128,7 @@ def test_pieces_give_what_the_whole_gives(name, size):
     assert stream.report == report
 
 
+@pytest.mark.slow
 @CASE
 def test_a_sample_comes_with_the_last_byte_of_its_frame(name):
     """After the first frames nothing is held back: a live heading is not late by a buffer."""
@@ -161,6 +164,7 @@ def test_nothing_is_recognised_in_noise_and_text():
         decode(rng.bytes(5000))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_random_bytes_hold_no_more_frames_than_the_checksums_allow(name):
     """Of 2^20 positions each shows a false frame with a chance below 2^-24: two or more with one below 0.2 %."""
@@ -179,6 +183,7 @@ def test_frames_with_another_identifier_are_no_samples(name):
     assert recognise(spoiled) is None
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_a_mutated_stream_raises_nothing_else_and_gives_finite_numbers(data):

@@ -26,6 +26,7 @@ def still(n: int) -> tuple[np.ndarray, np.ndarray]:
     return gyro, mat @ np.array([0.0, 0.0, -STANDARD_GRAVITY]) + 5e-3 * rng.standard_normal((n, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(CASES))
 def test_the_heading_is_that_of_what_was_sent(name, monkeypatch):
     mat = mat_bf(protocol_info(CASES[name](1).protocol).axes or "frd")

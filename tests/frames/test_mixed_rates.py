@@ -94,6 +94,7 @@ def fed(data: bytes, cuts: list[int]) -> Samples:
     return joined([part for part in (*parts, stream.finish()) if part is not None])
 
 
+@pytest.mark.slow
 def test_means_are_the_same_however_the_stream_is_cut():
     data = b"".join(mip(i, delta=False, force=i % 7 == 3) for i in range(3 * N))
     whole, cuts = fed(data, []), np.sort(np.random.default_rng(4).integers(0, len(data), 60)).tolist()

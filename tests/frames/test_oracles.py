@@ -12,6 +12,7 @@ from frames.encoders import CASES, G
 from gyronorth.frames import decode
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CASES if name.startswith("novatel")])
 def test_novatel_edie_reads_the_same(name):
     oem = pytest.importorskip("novatel_edie.oem", reason="novatel-edie is not installed (extra dev)")

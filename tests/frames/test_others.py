@@ -45,6 +45,7 @@ SENT: dict[str, tuple[Callable[[int], bytes], str, str]] = {
 UNIT = pytest.mark.parametrize("name", list(SENT))
 
 
+@pytest.mark.slow
 @UNIT
 def test_capture_without_raw_rates_names_what_it_holds_and_what_to_switch_on(name, tmp_path: Path):
     frame, held, needed = SENT[name]
@@ -60,6 +61,7 @@ def test_capture_without_raw_rates_names_what_it_holds_and_what_to_switch_on(nam
         open_source(file, ReadOptions(protocol=name))
 
 
+@pytest.mark.slow
 @UNIT
 def test_live_names_it_too_within_a_few_seconds(name):
     frame, held, needed = SENT[name]

@@ -376,6 +376,7 @@ def test_a_declared_rate_that_the_clock_contradicts_is_told():
     assert "but 100 Hz (declared)" in report.findings[0].message
 
 
+@pytest.mark.slow
 def test_a_unit_that_is_set_anew_is_told_once():
     frames = encoders.stim(200).frames
     other = [stim_body((1, 2, 3), counter=i & 0xFF) for i in range(300)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,6 +25,7 @@ def expected(text: str) -> float:
         return np.nan
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.lists(NUMBER, min_size=4, max_size=4), min_size=1, max_size=6))
 def test_numbers_are_those_of_float(table):

@@ -10,6 +10,7 @@ from fuzz.targets import targets
 CORPUS = Path(__file__).with_name("corpus")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cases", [500, pytest.param(20_000, marks=pytest.mark.long)])
 def test_no_input_breaks_the_oracle(cases, tmp_path):
     counts, failures = campaign(cases, 1, tmp_path)

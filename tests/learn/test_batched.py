@@ -42,6 +42,7 @@ def settings(seed, **heading):
     return Settings.model_validate({"seed": seed, "samples": SAMPLES, "heading": {**small, **heading}})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "heading",
     [

@@ -185,6 +185,7 @@ def test_own_recordings_of_one_session_hold_a_swing(tmp_path):
     assert data.swing.duration == 13.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sessions", "latitudes", "given", "session", "why"),
     [

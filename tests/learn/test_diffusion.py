@@ -79,6 +79,7 @@ def oracle(kind, x, t_back, noise=None):
     return x.numpy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["chain", "ddim"])
 @pytest.mark.parametrize("t_back", [950, 990, 0])
 def test_samplers_agree_with_diffusers(kind, t_back):
@@ -88,6 +89,7 @@ def test_samplers_agree_with_diffusers(kind, t_back):
     assert_allclose(ours, oracle(kind, x, t_back), atol=2e-4 if t_back == 0 else 2e-5)
 
 
+@pytest.mark.slow
 def test_sampling_noise_agrees_with_diffusers():
     """The same draws in both; the variance of eq:18 is beta_t (diffusers' `fixed_large`), none at t = 1."""
     x = np.random.default_rng(1).standard_normal((2, 5, 3))

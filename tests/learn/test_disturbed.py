@@ -66,6 +66,7 @@ def test_axes_and_signs_of_a_bump_do_not_matter():
     assert_allclose(swapped.numpy(), bump.numpy(), atol=1e-5)
 
 
+@pytest.mark.slow
 def test_interrupted_training_ends_in_the_same_weights(tmp_path):
     class Killed(Exception):
         pass
@@ -83,6 +84,7 @@ def test_interrupted_training_ends_in_the_same_weights(tmp_path):
         assert torch.equal(value, resumed.state_dict()[name]), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [90, 301, 900])
 def test_exported_network_is_the_same(tmp_path, samples):
     onnxruntime = pytest.importorskip("onnxruntime")
@@ -99,6 +101,7 @@ def test_exported_network_is_the_same(tmp_path, samples):
         assert_allclose(a, b.numpy(), atol=2e-4)  # float32 sums over up to 900 samples
 
 
+@pytest.mark.slow
 def test_bundle_is_whole_and_remade_alike(tmp_path):
     pytest.importorskip("onnxruntime")
     made = make_bundle(tmp_path / "learned", TINY)

@@ -104,6 +104,7 @@ def test_a_training_in_stages_ends_in_the_same_weights():
         assert_array_equal(value, whole.arrays[name], err_msg=name)
 
 
+@pytest.mark.slow
 def test_for_a_gaussian_prior_of_one_setting_it_learns_the_answer_of_the_gaussian_process():
     """The ideal answer is then known: the errors left are within 8 % of the ideal's, sigma is of their size."""
     settings = PriorFittedSettings(

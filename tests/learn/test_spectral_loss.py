@@ -42,6 +42,7 @@ def test_holding_the_projector_constant_would_be_another_gradient():
     assert torch.linalg.norm(ours - held) > 0.5 * torch.linalg.norm(ours)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tau", [0.0, 0.6, 0.9])
 def test_gradient_by_finite_differences(tau):
     assert torch.autograd.gradcheck(lambda x: spectral_filter(x, tau), (noise(3, 12, seed=2).requires_grad_(),))

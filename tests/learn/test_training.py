@@ -165,6 +165,7 @@ def test_a_training_that_never_improves_keeps_its_first_weights():
     assert (progress.best_epoch, epoch) == (0, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ["flattened", "temporal", "across_batch"])
 def test_same_seed_same_weights_and_no_global_state(layout):
     settings, before = changed(TINY, layout=layout), torch.get_rng_state()
@@ -206,6 +207,7 @@ def lines(folder, name):
     return [json.loads(line) for line in (folder / f"{name}.jsonl").read_text().splitlines()]
 
 
+@pytest.mark.slow
 def test_a_whole_training_writes_its_logs(tmp_path, capsys):
     bundle = run_training(TINY, "all", data(), tmp_path / "b", progress=True)
     assert bundle.method == "paper"
@@ -220,6 +222,7 @@ def test_a_whole_training_writes_its_logs(tmp_path, capsys):
     assert not list(tmp_path.rglob("*.part"))
 
 
+@pytest.mark.slow
 def test_stages_one_by_one_end_where_both_together_do(tmp_path):
     both = run_training(TINY, "all", data(), tmp_path / "both")
     alone = run_training(TINY, "denoiser", None, tmp_path / "b")
@@ -268,6 +271,7 @@ class Killed(BaseException):
     """Stands for a kill inside this process."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", [7, *(pytest.param(moment, marks=pytest.mark.long) for moment in (1, 4, 10))])
 def test_resuming_after_a_kill_while_a_checkpoint_is_written(tmp_path, monkeypatch, moment):
     """The rename of the n-th file written, checkpoint or log, never happens."""
@@ -330,6 +334,7 @@ def test_settings_that_come_along_are_known_by_name(tmp_path, monkeypatch):
         settings_of("basline")
 
 
+@pytest.mark.slow
 def test_a_network_that_has_learned_nothing_is_told(tmp_path):
     from gyronorth.learn.export import untrained
 

@@ -42,6 +42,7 @@ def parts(place: Path) -> list[str]:
     return sorted(path.name for path in place.rglob("*") if path.suffix in (".part", ".old"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["bundle", pytest.param(".pt", marks=pytest.mark.long)])
 @pytest.mark.parametrize("how", ["SIGTERM", "SIGKILL"])
 def test_a_signal_leaves_the_old_bundle(place, how, at):

@@ -68,7 +68,7 @@ def test_it_is_set_while_it_runs_and_noted_in_every_recording(tmp_path):
     with pytest.raises(InputError, match="-180 to 180 deg are expected"):
         session[0].align(radians(181))
     session[0].start()
-    assert session[0].ended.wait(90)
+    assert session[0].ended.wait(300)
     session[0].close()
     assert session[0].status.to_json()["live"]["alignment_deg"] == pytest.approx(1.5)
     for name, rows in (("rec.csv", ROWS), ("rec.2.csv", again)):

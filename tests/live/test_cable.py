@@ -61,12 +61,13 @@ class Port:
 
 
 def until(condition) -> None:
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seconds"), [("stim", 24.0), ("kvh-C-angle", 12.0)])
 def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, monkeypatch, name, seconds):
     case, options = unit(name, monkeypatch, seconds=seconds)
@@ -118,7 +119,7 @@ def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, m
     for raw, live in (("rec.bin", first), ("rec.2.bin", second)):
         replayed = Session(open_source(str(tmp_path / raw), options, speed=1000), replace(settings, save=None))
         replayed.start()
-        assert replayed.ended.wait(90)
+        assert replayed.ended.wait(300)
         replayed.close()
         assert replayed.status.measured is not None
         offline = gn.heading(gn.read(tmp_path / raw, options), method="mean")
@@ -127,6 +128,7 @@ def test_a_unit_in_and_sentences_out_unplugged_and_back_and_replayed(tmp_path, m
             assert replayed.status.measured.heading == live.heading
 
 
+@pytest.mark.slow
 def test_the_heading_follows_a_turn_and_says_so():
     """Estimates come once a second while it stands; then it turns, and the sentences say E."""
     moving = simulate(
@@ -146,7 +148,7 @@ def test_the_heading_follows_a_turn_and_says_so():
     events += [rows[8000:8500], partial(look, 8500, "held"), rows[8500:9100], partial(look, 9100, "held")]
     session = Session(Played(*events), LiveSettings(ReadOptions(), gn.read_sensor("isa100c"), method="mean"))
     session.start()
-    assert session.ended.wait(90)
+    assert session.ended.wait(300)
     session.close()
     assert session.error is None
     assert [status.fitness for status in seen] == ["valid", "held", "held"]

@@ -41,6 +41,7 @@ def pieces(data: bytes, size: int = 4000) -> list[Bytes]:
     return [Bytes(data[at : at + size]) for at in range(0, len(data), size)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["stim", "kvh-A-rate", "novatel-RAWIMUSX-text", "kvh-B-angle", "vectornav-ascii", "xbus-dq", "mip-delta"]
 )
@@ -75,6 +76,7 @@ def marked(case: Case, bit: int, where: int) -> list[bytes]:
     return [*case.frames[:where], encoders.stim_datagram(bytes(body)), *case.frames[where + 1 :]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bit", "code"), [(0x10, "saturated"), (0x40, "sensor_fault")])
 def test_what_the_unit_says_of_a_sample_is_a_reason_live_and_in_both_files(bit, code, monkeypatch, tmp_path):
     case, options = unit("stim", monkeypatch, seconds=4.0)
@@ -108,7 +110,7 @@ def test_a_broken_cable_of_a_unit_without_time_begins_files_that_replay_by_thems
         open_source(str(tmp_path / "rec.2.bin"), options, speed=1000.0), replace(session.settings, save=None)
     )
     again.start()
-    assert again.ended.wait(90)
+    assert again.ended.wait(300)
     again.close()
     assert again.status.measured is not None
     assert session.status.measured is not None
@@ -140,7 +142,7 @@ def test_start_begins_a_capture_of_what_comes_after(monkeypatch, tmp_path):
     source = Played(*pieces(data[:cut]), 0.2, begin, *pieces(data[cut:]))
     session.append(Session(source, LiveSettings(options, method="mean", save=tmp_path / "rec.csv")))
     session[0].start()
-    assert session[0].ended.wait(90)
+    assert session[0].ended.wait(300)
     session[0].close()
     status = session[0].status
     assert status.measured is not None
@@ -188,6 +190,7 @@ def test_a_unit_set_to_another_rate_begins_a_new_stretch_whose_file_replays(monk
     assert replayed.gyro_b == pytest.approx(recorded.gyro_b, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stim", "sbg-short"])
 def test_a_wrong_rate_is_told_and_not_taken(name, monkeypatch, tmp_path):
     """A configuration and a clock know better than a declaration, in a file and on the cable."""
@@ -203,6 +206,7 @@ def test_a_wrong_rate_is_told_and_not_taken(name, monkeypatch, tmp_path):
         assert "rate_conflict" in {warning.code for warning in warnings}
 
 
+@pytest.mark.slow
 def test_specific_force_at_a_tenth_of_the_rate_gives_the_same_live_as_from_the_capture(tmp_path):
     """With another recording begun on the way, whose capture replays to what was live."""
     rng, n, rate_hz = np.random.default_rng(6), 6000, 200.0

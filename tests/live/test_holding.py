@@ -102,6 +102,7 @@ def test_what_was_turned_counts_by_the_scale_factor():
     assert np.sqrt(held.sigma**2 - found.sigma**2) == pytest.approx(3e-3 * radians(150.0), rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["stim300", pytest.param("isa100c", marks=pytest.mark.long)])
 def test_errors_are_as_large_as_sigma_says(name):
     """Over 25 units, from the attitude they have: what grows is judged, not where it began."""

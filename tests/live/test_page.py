@@ -6,7 +6,6 @@ import asyncio
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -20,7 +19,6 @@ from http.cookiejar import CookieJar
 from math import degrees, radians
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
 
 import numpy as np
 import pytest
@@ -44,17 +42,6 @@ new MutationObserver(() => {
 """
 
 
-@pytest.fixture(scope="module")
-def chromium() -> str:
-    """The system's browser; in CI it must be there."""
-    path = shutil.which("chromium")
-    if path is None and os.environ.get("CI"):
-        pytest.fail("chromium is not installed: apt-get install chromium (make browser does it)")
-    if path is None:
-        pytest.skip("chromium is not installed: apt-get install chromium (make browser does it)")
-    return path
-
-
 @contextmanager
 def live(folder: Path, *arguments: str, given: int | None = None) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """A running command and the address of its page."""
@@ -68,7 +55,7 @@ def live(folder: Path, *arguments: str, given: int | None = None) -> Iterator[tu
         yield process.stderr.readline().split()[1], process
     finally:
         process.terminate()
-        out, err = process.communicate(timeout=30)
+        out, err = process.communicate(timeout=300)
         print(out, err)
     assert "Traceback" not in err
 
@@ -87,17 +74,6 @@ def turned_recording(path: Path) -> float:
     write(recording, path)
     assert recording.heading_true is not None
     return degrees(recording.heading_true)
-
-
-@pytest.fixture(scope="module")
-def browser(chromium) -> Iterator[Any]:
-    """One browser for all tests of the page."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 #: Samples of the first stand, their rate, and how much faster they come.
@@ -126,7 +102,7 @@ def feed(pipe: int, lines: list[str], released: Event) -> None:
 
 
 @pytest.mark.slow
-def test_a_turned_recording_on_the_page(tmp_path, browser):
+def test_a_turned_recording_on_the_page(tmp_path, new_page):
     """Aligning, valid, lost by a stop, a server that freezes, the end, a server that dies."""
     from playwright.sync_api import expect
 
@@ -137,7 +113,7 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
     sender = Thread(target=feed, args=(writing, (tmp_path / "turned.csv").read_text().splitlines(True), released))
     problems: list[str] = []
     hosts: set[str] = set()
-    page = browser.new_page(viewport={"width": 1180, "height": 900}, reduced_motion="reduce")
+    page = new_page(viewport={"width": 1180, "height": 900}, reduced_motion="reduce")
     page.add_init_script(REMEMBER)
     page.on("console", lambda message: problems.append(message.text) if message.type in ("error", "warning") else 0)
     page.on("pageerror", lambda error: problems.append(str(error)))
@@ -147,11 +123,11 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         os.close(reading)
         page.goto(url)
         sender.start()
-        expect(verdict).to_be_visible(timeout=60_000)
-        expect(page.get_by_role("button", name="Mark")).to_be_enabled(timeout=60_000)
+        expect(verdict).to_be_visible()
+        expect(page.get_by_role("button", name="Mark")).to_be_enabled()
         page.keyboard.press("m")
-        expect(page.locator(".gn")).to_contain_text("Marks:", timeout=60_000)
-        expect(verdict).to_contain_text("Valid", timeout=60_000)
+        expect(page.locator(".gn")).to_contain_text("Marks:")
+        expect(verdict).to_contain_text("Valid")
         watch, alarm = page.locator("[data-watch]"), page.locator("[data-alarm]")
         watch.click()
         expect(watch).to_have_attribute("aria-pressed", "true")
@@ -160,22 +136,22 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         assert (health.status, health.json()) == (200, {"ok": True, "troubles": []})
         assert page.request.get(f"{url}api/heading").json()["valid"] is True
         page.keyboard.press("t")
-        expect(verdict).to_have_text("✕ Invalid: stopped", timeout=60_000)
+        expect(verdict).to_have_text("✕ Invalid: stopped")
         expect(alarm).to_have_text("Heading lost: invalid. Do not steer by it.")
         assert page.evaluate(STRUCK) == "line-through"
         health = page.request.get(f"{url}healthz")
         assert (health.status, health.json()["ok"]) == (503, False)
         assert page.request.get(f"{url}api/heading").json()["valid"] is False
         page.keyboard.press("s")
-        expect(verdict).to_contain_text("Valid", timeout=60_000)
+        expect(verdict).to_contain_text("Valid")
         expect(alarm).to_be_empty()
         process.send_signal(signal.SIGSTOP)
-        expect(verdict).to_contain_text("Invalid: no news from the instrument", timeout=30_000)
+        expect(verdict).to_contain_text("Invalid: no news from the instrument")
         assert page.evaluate(STRUCK) == "line-through"
         expect(page.get_by_text("Heading: valid")).not_to_be_visible()
         process.send_signal(signal.SIGCONT)
         released.set()
-        page.get_by_text("Data: ended").wait_for(timeout=90_000)
+        page.get_by_text("Data: ended").wait_for()
         expect(verdict).to_have_text("✕ Invalid: the source has ended")
         page.wait_for_timeout(3500)  # it stays so
         expect(verdict).to_have_text("✕ Invalid: the source has ended")
@@ -189,15 +165,15 @@ def test_a_turned_recording_on_the_page(tmp_path, browser):
         assert low <= heading_deg <= high
 
         page.get_by_role("button", name="Save").click()
-        expect(page.locator("[data-saved]")).to_contain_text("north.2.csv", timeout=60_000)
+        expect(page.locator("[data-saved]")).to_contain_text("north.2.csv")
         page_heading(page, tmp_path, heading_deg, url)
         page.get_by_label("Bow to starboard").fill("10")
         page.get_by_role("button", name="Set the alignment offset").click()
         turned = re.compile(f"{heading_deg + 10:.1f}".replace(".", r"\.")[:-1])
-        expect(page.locator("[data-heading]")).to_contain_text(turned, timeout=60_000)
+        expect(page.locator("[data-heading]")).to_contain_text(turned)
         assert problems == []
         process.kill()
-        expect(verdict).to_contain_text("Invalid: no news from the instrument", timeout=30_000)
+        expect(verdict).to_contain_text("Invalid: no news from the instrument")
         assert page.evaluate(STRUCK) == "line-through"
         page.screenshot(path=os.environ.get("GYRONORTH_SHOT", str(tmp_path / "late.png")))
     sender.join()
@@ -248,7 +224,7 @@ def guarded(tmp_path_factory) -> Iterator[tuple[Path, str, int]]:
 def opened_with_its_token(url: str) -> urllib.request.OpenerDirector:
     """What has opened the page once, and has its cookie."""
     opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(CookieJar()))
-    assert b"gyronorth live" in opener.open(url, timeout=30).read()
+    assert b"gyronorth live" in opener.open(url, timeout=300).read()
     return opener
 
 
@@ -257,8 +233,8 @@ def test_a_token_opens_the_page(guarded):
     _, url, _ = guarded
     page = url.partition("?")[0]
     with pytest.raises(urllib.error.HTTPError, match="401"):
-        urllib.request.urlopen(page, timeout=30)
-    assert b"gyronorth live" in opened_with_its_token(url).open(page, timeout=30).read()
+        urllib.request.urlopen(page, timeout=300)
+    assert b"gyronorth live" in opened_with_its_token(url).open(page, timeout=300).read()
 
 
 @pytest.mark.slow
@@ -271,12 +247,12 @@ def test_many_idle_connections_do_no_harm(guarded):
     port = int(url.partition("?")[0].rstrip("/").rpartition(":")[2])
     with ExitStack() as idle:
         for target in [port] * 1200 + [nmea_port] * 200:
-            idle.enter_context(socket.create_connection(("127.0.0.1", target), timeout=30))
+            idle.enter_context(socket.create_connection(("127.0.0.1", target), timeout=300))
         before = (folder / "north.csv").stat().st_size
         opened_with_its_token(url)
-        with socket.create_connection(("127.0.0.1", nmea_port), timeout=30) as listener, listener.makefile() as lines:
+        with socket.create_connection(("127.0.0.1", nmea_port), timeout=300) as listener, listener.makefile() as lines:
             assert [next(lines).startswith("$") for _ in range(4)] == [True] * 4
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 300
         while (folder / "north.csv").stat().st_size == before and time.monotonic() < deadline:
             time.sleep(0.05)
         assert (folder / "north.csv").stat().st_size > before
@@ -287,7 +263,7 @@ def test_the_recording_is_downloaded_while_it_grows(guarded):
     folder, url, _ = guarded
     opener, page = opened_with_its_token(url), url.partition("?")[0]
     for _ in range(8):
-        body = opener.open(f"{page}recording", timeout=30).read()
+        body = opener.open(f"{page}recording", timeout=300).read()
         assert body.endswith(b"\n")
         assert (folder / "north.csv").read_bytes()[200 : len(body)] == body[200:]  # the rate is filled in before
         time.sleep(0.1)
@@ -316,6 +292,7 @@ def test_wrong_arguments_are_one_message(tmp_path, arguments, message):
     assert "Traceback" not in result.output
 
 
+@pytest.mark.slow
 def test_a_replay_without_a_page_prints_json_lines_and_ends(tmp_path):
     truth = turned_recording(tmp_path / "turned.csv")
     arguments = [str(tmp_path / "turned.csv"), "--no-page", "--json", "--speed", "500", "--sensor", "hg9900"]
@@ -423,6 +400,7 @@ def test_many_wrong_tokens_are_turned_away(monkeypatch):
     assert asked(access, headers={"host": "north.local"}, query="token=wrong")[0]["status"] == 429
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("host", "here"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False), ("ship", False)]
 )

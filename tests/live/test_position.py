@@ -90,5 +90,5 @@ def test_a_fix_is_waited_for():
     position = Position(Receiver())
     assert not position.wait(0)
     position.start()
-    assert position.wait(20)
+    assert position.wait(300)
     assert position.latitude == pytest.approx(-radians(42 + 50.5589 / 60))

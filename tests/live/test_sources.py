@@ -41,7 +41,7 @@ def running(source: ByteSource) -> Iterator[list[SourceEvent]]:
 
 
 def until(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 300
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)
@@ -232,7 +232,7 @@ def test_nmea_over_tcp_is_invalid_until_valid(status):
     out = NmeaOut(Target("tcp", "127.0.0.1", 0), rate_hz=20, status=lambda: shown[0])
     out.start()
     try:
-        connections = [socket.create_connection(("127.0.0.1", out.port), timeout=20) for _ in range(2)]
+        connections = [socket.create_connection(("127.0.0.1", out.port), timeout=300) for _ in range(2)]
         for connection in connections:
             with connection, connection.makefile("rb") as stream:
                 shown[0] = Status("waiting", "here")
@@ -256,7 +256,7 @@ def test_nmea_over_tcp_is_invalid_until_valid(status):
 def test_nmea_over_udp(status):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))
-        listener.settimeout(20)
+        listener.settimeout(300)
         out = NmeaOut(Target("udp", *listener.getsockname()), rate_hz=50, status=lambda: status)
         out.start()
         try:

@@ -43,6 +43,7 @@ def as_file(tmp_path, data: bytes, **options):
 SEMICOLONS = "{:.0f};{:.9f};{:.9f};{:.9f};{:.6f};{:.6f};{:.6f}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "form", "comma"),
     [
@@ -114,6 +115,7 @@ def test_a_short_stream_is_told_at_its_end():
     assert len(streamed(text.encode(), [100], axes="frd").values) == 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, layout in ALL.items() if name.endswith((".csv", ".txt"))][::9])
 def test_layouts_of_files_are_read_from_a_stream(tmp_path, name):
     layout = ALL[name]

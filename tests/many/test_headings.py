@@ -72,6 +72,7 @@ def rows(path: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_csv_and_parquet_hold_the_same_and_tell_what_made_them(here):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow (extra `io`) is not installed")
     for name in ("a.csv", "a.parquet"):
@@ -89,6 +90,7 @@ def test_csv_and_parquet_hold_the_same_and_tell_what_made_them(here):
     assert "bad.csv" in text[0]["message"]
 
 
+@pytest.mark.slow
 def test_only_what_is_missing_or_changed_is_done_and_the_rest_is_as_it_was(here):
     run("rec", "--csv", "whole.csv")
     shutil.copy("rec/x_1.csv", "x_1.csv")
@@ -103,6 +105,7 @@ def test_only_what_is_missing_or_changed_is_done_and_the_rest_is_as_it_was(here)
     assert Path("t.csv").read_bytes() == Path("whole.csv").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rec/t.csv", "rec/t.parquet"])
 def test_a_table_among_the_recordings_is_none_of_them(here, name):
     if name.endswith("parquet"):
@@ -221,6 +224,7 @@ def test_a_fault_in_one_file_is_its_row(here, monkeypatch):
     assert messages["x_3.csv"] == ""
 
 
+@pytest.mark.slow
 def test_the_api_gives_what_heading_gives_in_order(here):
     found = list(gn.heading_many(["rec"], latitude=radians(32.0), sensor="hg9900"))
     assert [outcome.file for outcome in found] == ["bad.csv", *(f"x_{i}.csv" for i in range(6))]
@@ -277,6 +281,7 @@ def killed_and_resumed(folder: Path, count: int, kills: int, *options: str) -> i
     return came
 
 
+@pytest.mark.slow
 def test_killed_and_resumed_the_table_is_that_of_one_run(tmp_path, monkeypatch):
     write_recordings(tmp_path / "rec", 20)
     assert killed_and_resumed(tmp_path, 20, 1) == 1
@@ -310,5 +315,5 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_table(tmp_path, monke
             next(iter(cluster.workers.values())).process.process.kill()
             assert result.result().exit_code == 0
         with distributed.Client(cluster) as client:
-            client.wait_for_workers(2, timeout=60)  # a worker that is on its way back cannot be closed
+            client.wait_for_workers(2, timeout=300)  # a worker that is on its way back cannot be closed
     assert Path("t.csv").read_bytes() == Path("once.csv").read_bytes()

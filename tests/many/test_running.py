@@ -37,6 +37,7 @@ def test_results_and_exceptions_come_with_their_items(pool):
     assert found == {value: 2 * value for value in range(600) if value != 3}
 
 
+@pytest.mark.slow
 def test_an_item_that_kills_its_worker_is_told_and_the_others_are_done():
     with executor_on(None, workers=2) as executor:
         found = dict(each(deadly, range(12), executor))

@@ -39,6 +39,7 @@ def rows(path: str) -> dict[str, dict[str, str]]:
         return {row["file"]: row for row in csv.DictReader(file)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "column", "expected"),
     [
@@ -69,6 +70,7 @@ def test_rows_of_many_and_of_the_one_that_cannot_be_read(here, command, column, 
     assert set(rows("t.csv")) == {"a.csv", "bad.csv", "sub/b.npz"}
 
 
+@pytest.mark.slow
 def test_workers_parquet_and_json_give_the_same(here):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow (extra `io`) is not installed")
     assert run("info", "rec", "--out", "t.parquet", "--workers", "2").exit_code == 2

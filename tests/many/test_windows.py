@@ -30,6 +30,7 @@ def request(**reading) -> Request:
     return Request(ReadOptions(latitude=radians(32.0), **reading), gn.read_sensor("hg9900"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk", [7, 64, 1000])
 @pytest.mark.parametrize(("length", "step"), [(20.0, 20.0), (20.0, 7.5), (3.3, 25.0), (60.0, 1.0)])
 def test_each_window_is_what_it_is_alone(path, monkeypatch, chunk, length, step):
@@ -66,6 +67,7 @@ def test_gaps_belong_to_their_windows(path, monkeypatch):
     assert missing == {10.0: 5, 15.0: 10, 20.0: 5}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pause", [0.0, 50.0])
 @pytest.mark.parametrize("cuts", [[(12, 17), (33, 38)], [(21, 38)]])
 def test_windows_beside_gaps_answer_and_those_with_gaps_say_so(path, monkeypatch, pause, cuts):

@@ -32,7 +32,7 @@ def shell(command, folder, expected=(0,)):
     """Standard output of a command line that begins with gyronorth."""
     assert command.startswith("gyronorth ")
     words = command.replace("gyronorth", f"{sys.executable} -m gyronorth.cli", 1)
-    done = subprocess.run(["bash", "-c", words], capture_output=True, text=True, cwd=folder, timeout=120)
+    done = subprocess.run(["bash", "-c", words], capture_output=True, text=True, cwd=folder, timeout=300)
     assert done.returncode in expected, f"{command}\n{done.stderr}"
     return done.stdout
 

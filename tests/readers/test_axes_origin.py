@@ -37,6 +37,7 @@ def test_stated_and_declared_axes_do_not_warn(tmp_path):
     assert (declared.axes, declared.axes_origin, codes(declared)) == ("rfu", "declared", [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".h5", ".parquet", ".mcap", ".bag"])
 def test_assumed_axes_stay_assumed_whatever_they_are_written_to(tmp_path, suffix):
     first = read(file_in(tmp_path, "frd", comments=NO_AXES))
@@ -51,6 +52,7 @@ def test_assumed_axes_stay_assumed_whatever_they_are_written_to(tmp_path, suffix
     assert_allclose(read(path, axes="rbd").gyro_b, read(file_in(tmp_path, "frd", comments=NO_AXES), axes="rbd").gyro_b)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes", ["frd", "flu", "rfu", "dfr"])
 def test_the_headings_of_the_other_axes_are_those_that_they_give(tmp_path, axes):
     path = file_in(tmp_path, axes, comments=NO_AXES)

@@ -59,6 +59,7 @@ def test_a_database_with_a_view_for_a_table_is_not_run(tmp_path):
         readers.read(path)
 
 
+@pytest.mark.slow
 def test_an_npz_array_beyond_the_budget_is_not_inflated(tmp_path):
     path = tmp_path / "zeros.npz"
     np.savez_compressed(

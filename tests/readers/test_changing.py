@@ -73,6 +73,7 @@ def honest(tmp_path_factory) -> list[tuple[str, bytes, ReadOptions]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "when"),
     [(cut, 1), *(pytest.param(change, when, marks=pytest.mark.long) for change in CHANGES for when in (0, 1))],

@@ -50,6 +50,7 @@ def test_forward_minimum_is_the_least_of_the_next_rows(values, width):
     assert_array_equal(forward_minimum(np.array(values), width), expected)
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 2**32 - 1),
     share=st.sampled_from([0.0, 0.001, 0.01, 0.08]),
@@ -73,6 +74,7 @@ def test_what_was_lost_is_found_among_late_and_jittering_stamps(seed, share, jit
         assert_array_equal(found, np.diff(kept, prepend=-1) - 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rows", "share"), [(300, 0.1), (1000, 0.05), (1500, 0.02), (3000, 0.01), (6000, 0.005)])
 @pytest.mark.parametrize("jitter", [0.0, 0.05])
 def test_some_thirty_samples_lost_at_random_leave_the_rate(rows, share, jitter):

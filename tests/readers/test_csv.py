@@ -210,6 +210,7 @@ BAD_ROWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BAD_ROWS)
 def test_a_bad_row_is_named_or_dropped_and_bridged(tmp_path, kind):
     row, reason = BAD_ROWS[kind]
@@ -281,6 +282,7 @@ def test_bad_rows_at_the_start_move_the_start_time(tmp_path):
     assert recording.start_time_utc == "2024-05-01T12:00:00.020000Z"
 
 
+@pytest.mark.slow
 def test_bad_rows_across_the_blocks_in_which_a_file_is_read(tmp_path):
     # 40,000 rows of over 100 bytes are four blocks of a MiB; a bad row in each, and one at the very end.
     rows = csv_rows(40_000)

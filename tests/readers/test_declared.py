@@ -167,6 +167,7 @@ def test_upside_down_or_undeclared_axes_are_suspect(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_valid_heading_needs_axes_that_are_not_suspect(tmp_path):
     path = unit_file(tmp_path, mat=BY_HAND["rfu"], rows=5000)
     units = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "latitude": LATITUDE}
@@ -223,6 +224,7 @@ def test_boresight_takes_roll_and_pitch_out(tmp_path):
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": pi / 180, "deg/h": DEG_PER_HOUR}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latitude", [None, LATITUDE])
 @pytest.mark.parametrize("true", GYRO_UNITS)
 @pytest.mark.parametrize("declared", GYRO_UNITS)

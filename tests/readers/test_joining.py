@@ -33,6 +33,7 @@ def gyro_file(folder, time=TIME):
     return table(folder / "gyro.csv", "t,w_x,w_y,w_z", time, GYRO[: len(time)])
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.floats(20, 400), st.floats(-0.05, 0.05), st.floats(0, 1.7e9))
 def test_forces_stand_on_the_clock_of_the_gyro(tmp_path_factory, rate, shift, zero):

@@ -20,6 +20,7 @@ def test_commas_between_fields_and_in_numbers_are_refused(tmp_path):
         read(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delimiter", [",", ";", "\t", "|", " "])
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-le", "latin-1"])
 def test_delimiters_and_encodings_give_the_same_numbers(tmp_path, monkeypatch, delimiter, encoding):

@@ -130,6 +130,7 @@ ENDLESS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENDLESS)
 def test_a_line_that_is_made_to_take_for_ever_does_not(name, tmp_path):
     path = tmp_path / "made.txt"

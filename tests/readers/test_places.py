@@ -74,6 +74,7 @@ def path_of(folder, kind: str):
 KINDS = [".csv", ".h5", ".parquet", ".mcap", ".bag", "bag", "mcap", "folder", "folder of mcap"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind",
     # Files of ROS that we write and that others write, whole and split: one of each kind in every `make test`.
@@ -103,6 +104,7 @@ def test_places_tell_what_the_whole_tells(tmp_path, monkeypatch, kind):
     assert chi2.ppf(0.0005, 45) / 15 < ratio < chi2.ppf(0.9995, 45) / 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [".csv", ".h5", ".parquet", ".mcap"])
 def test_gaps_that_our_files_state_are_told_of_anywhere(tmp_path, kind):
     gaps = (Gap(1.0, 3), Gap(31.7, 20), Gap(59.0, 2))
@@ -156,6 +158,7 @@ def test_a_csv_that_does_not_state_its_length_is_estimated(tmp_path, timed):
     assert (document["places"], document["missing"]) == (16, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [0, 2999, ROWS - 1])
 def test_a_bad_row_where_one_looks_has_the_whole_file_read(tmp_path, row):
     rows = csv_rows(ROWS)

@@ -49,6 +49,7 @@ FILES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_what_is_no_table_is_read_as_one(tmp_path, name):
     path = tmp_path / name

@@ -64,6 +64,7 @@ def run(tmp_path, body, *arguments):
     )
 
 
+@pytest.mark.slow
 def test_a_toy_format_is_written_recognised_and_read_at_the_command_line(tmp_path):
     body = """
 import gyronorth as gn

@@ -76,6 +76,7 @@ MAKERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("maker", MAKERS)
 def test_what_others_wrote_is_read_in_body_axes(tmp_path, maker):
     recording = read(MAKERS[maker](tmp_path), latitude=LATITUDE)
@@ -263,6 +264,7 @@ def test_describe_names_the_topic_and_the_convention(tmp_path, maker):
 CUTS = np.random.default_rng(5).integers(1, 10**6, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("maker", ["rosbag1", "rosbag1-lz4", "db3", "mcap", "mcap-small-chunks", "mcap-without-chunks"])
 def test_cut_off_anywhere_is_refused_with_one_message(tmp_path, maker):
     path = MAKERS[maker](tmp_path)
@@ -289,6 +291,7 @@ def test_foreign_content_is_refused_with_one_message(tmp_path, suffix, content):
         read(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rec", "a#b?c%20d", "día 1"])
 def test_a_split_bag_is_one_recording(tmp_path, name):
     # As `ros2 bag record --max-bag-duration` leaves it: several databases, one metadata.yaml.

@@ -178,6 +178,7 @@ def test_units_must_be_declared_and_are_honoured(tmp_path):
     assert_allclose(recording.gyro_b, GYRO * [1, -1, -1], rtol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".h5", ".parquet", ".mcap", ".bag", ".npz", ".csv"])
 @pytest.mark.parametrize("rows", [2, 16384, 16385])
 def test_any_length_reads_back_bit_for_bit_and_in_chunks(tmp_path, suffix, rows):
@@ -236,6 +237,7 @@ def test_without_the_extra_one_message_names_it(tmp_path, monkeypatch, capsys, s
     assert sorted(os.listdir(tmp_path)) == sorted(["rec.csv", f"rec{suffix}"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".h5", ".parquet", ".bag", ".db3", ".mcap"])
 def test_the_command_line_refuses_a_picture_in_one_message(tmp_path, suffix):
     path = tmp_path / f"photo{suffix}"
@@ -248,6 +250,7 @@ def test_the_command_line_refuses_a_picture_in_one_message(tmp_path, suffix):
     assert os.listdir(tmp_path) == [f"photo{suffix}"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".h5", ".parquet", ".bag", ".mcap"])
 def test_a_conversion_that_fails_midway_leaves_nothing(tmp_path, monkeypatch, suffix):
     monkeypatch.setattr("gyronorth.cli.recording_commands.CHUNK_SAMPLES", 2000)

@@ -94,6 +94,7 @@ def test_too_much_missing_is_refused(tmp_path):
         read(path)
 
 
+@pytest.mark.slow
 def test_a_long_gap_is_refused_and_a_window_avoids_it(tmp_path):
     path, _ = lossy_file(tmp_path, 30_000, np.arange(20_000, 21_100))
     with pytest.raises(InputError) as caught:
@@ -207,6 +208,7 @@ def test_a_single_row_is_no_recording(tmp_path):
         read(csv_file(tmp_path, csv_rows(1)), rate_hz=100)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk_samples", [1, 61, 1000, 10_000_000])
 def test_chunks_concatenated_are_the_whole(tmp_path, chunk_samples):
     rows = 300 if chunk_samples == 1 else 25_000  # more than one block of the file
@@ -235,6 +237,7 @@ def test_chunks_concatenated_are_the_whole(tmp_path, chunk_samples):
     assert (info.format, info.gyro_unit, info.accel_unit, info.axes) == ("csv", "rad/s", "m/s2", "frd")
 
 
+@pytest.mark.slow
 def test_a_bad_row_ends_the_chunks(tmp_path, monkeypatch):
     monkeypatch.setattr(text, "BLOCK_BYTES", 1 << 20)
     rows = csv_rows(40_000)
@@ -246,6 +249,7 @@ def test_a_bad_row_ends_the_chunks(tmp_path, monkeypatch):
         list(chunks)
 
 
+@pytest.mark.slow
 def test_chunks_bound_the_memory(tmp_path, monkeypatch):
     monkeypatch.setattr(text, "BLOCK_BYTES", 1 << 20)
     # 120,000 rows are 17 MB of text and 5.8 MB of numbers. One block of a MiB is held as bytes, as text, as

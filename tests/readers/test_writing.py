@@ -36,6 +36,7 @@ FACTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".CSV", ".h5", ".hdf5", ".parquet", ".mcap", ".bag"])
 @pytest.mark.parametrize("accel", [True, False])
 @pytest.mark.parametrize("facts", [{}, FACTS])

@@ -19,6 +19,7 @@ STIM300 = ReadOptions(
 )
 
 
+@pytest.mark.slow
 def test_xsens_angle_random_walk(real_data):
     # 2.4 to 2.6 deg/sqrt(h) at about 1 s; its filter makes shorter averaging times look better.
     recording = read(real_data / "xsens_mti_static.txt", ReadOptions(rate_hz=100.0))
@@ -31,6 +32,7 @@ def test_xsens_angle_random_walk(real_data):
     assert found.gyro.triad.bias_instability.status == "upper bound"  # two minutes cannot tell it
 
 
+@pytest.mark.slow
 def test_stim300_is_fitted_beyond_its_filter(real_data):
     # Data sheet: 0.15 deg/sqrt(h). At 125 Hz the output filter leaves a quarter of it at one sample.
     recording = read(real_data / "stim300_cart_static_then_turn.mat", STIM300).window(0, 78)
@@ -44,6 +46,7 @@ def test_stim300_is_fitted_beyond_its_filter(real_data):
     assert not heading(recording, latitude=np.radians(41.8342), sensor=found.sensor).valid
 
 
+@pytest.mark.slow
 def test_ring_laser_profile_gives_an_interval_that_holds_the_truth(real_data):
     # A vehicle that sways: what is identified is the unit on its mount, and the claim is wide enough for it.
     recording = read(real_data / "lasergyro.imu")
@@ -55,6 +58,7 @@ def test_ring_laser_profile_gives_an_interval_that_holds_the_truth(real_data):
     assert (truth - low) % (2 * np.pi) <= (high - low) % (2 * np.pi)
 
 
+@pytest.mark.slow
 def test_a_driven_vehicle_is_not_a_sensor_at_rest(real_data):
     recording = read(real_data / "stim300_cart_static_then_turn.mat", STIM300)
     found = characterise(recording)
@@ -65,6 +69,7 @@ def test_a_driven_vehicle_is_not_a_sensor_at_rest(real_data):
     assert found.sensor.gyro.white > still.sensor.gyro.white
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_allantools_agrees_on_recorded_data(real_data, axis):
     import allantools

@@ -17,6 +17,7 @@ def run(path, options):
     return CliRunner().invoke(app, ["heading", str(path), *options.split()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", ["0:1847", "0:300", "600:950", "1020:1500"])
 def test_ring_laser_on_a_swaying_vehicle(real_data, window):
     options = f"--latitude 34.246048 --method inertial --json --window {window}"
@@ -25,6 +26,7 @@ def test_ring_laser_on_a_swaying_vehicle(real_data, window):
     assert json.loads(result.stdout)["heading_deg"] == pytest.approx(90.6, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options", "rate_norm"),
     [

@@ -25,6 +25,7 @@ def error(estimate):
     return (np.degrees(estimate.heading) - TRUTH + 180) % 360 - 180
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", [None, (0, 300), (600, 950), (1020, 1500)])
 def test_inertial_frame_on_a_swaying_vehicle(lasergyro, window):
     recording = lasergyro if window is None else lasergyro.window(*window)
@@ -48,6 +49,7 @@ def test_mean_on_a_swaying_vehicle(lasergyro, window, most, widest):
         assert abs(np.degrees(estimate.implied_latitude) - 34.246048) <= 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
 def test_short_windows_at_3_hz(lasergyro, every):
     slow = decimated(lasergyro, 3.0)

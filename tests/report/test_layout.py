@@ -1,7 +1,5 @@
 """The report in a browser: on a phone nothing is wider than the screen, in print no table is cut."""
 
-import shutil
-
 import pytest
 from typer.testing import CliRunner
 
@@ -23,15 +21,6 @@ OUTSIDE = """() => [...document.querySelectorAll('figure svg')].flatMap(svg => {
     return own.right > box.right + 1 || own.left < box.left - 1 || own.top < box.top - 1 || own.bottom > box.bottom + 1;
   }).map(e => e.textContent);
 })"""
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    """Path of Debian's Chromium."""
-    path = shutil.which("chromium")
-    if path is None:
-        pytest.skip("chromium is not installed: apt-get install chromium (make browser does it)")
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -60,19 +49,14 @@ def gyronorth(*words):
 
 
 @pytest.mark.slow
-def test_nothing_is_cut_on_a_phone_and_in_print(reports, chromium):
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        page = browser.new_page()
-        for name, path in reports.items():
-            page.goto(path.as_uri())
-            for media, width in (("screen", 390), ("screen", 1100), ("print", 680)):
-                page.emulate_media(media=media)
-                page.set_viewport_size({"width": width, "height": 800})
-                assert page.evaluate(BEYOND) == [0, 0, []], f"{name} at {width} px, {media}"
-                assert page.evaluate(OUTSIDE) == [], f"{name} at {width} px, {media}"
-                assert page.locator("h2", has_text="Checks").is_visible()
-        assert page.pdf(format="A4").startswith(b"%PDF")
-        browser.close()
+def test_nothing_is_cut_on_a_phone_and_in_print(reports, new_page):
+    page = new_page()
+    for name, path in reports.items():
+        page.goto(path.as_uri())
+        for media, width in (("screen", 390), ("screen", 1100), ("print", 680)):
+            page.emulate_media(media=media)
+            page.set_viewport_size({"width": width, "height": 800})
+            assert page.evaluate(BEYOND) == [0, 0, []], f"{name} at {width} px, {media}"
+            assert page.evaluate(OUTSIDE) == [], f"{name} at {width} px, {media}"
+            assert page.locator("h2", has_text="Checks").is_visible()
+    assert page.pdf(format="A4").startswith(b"%PDF")

@@ -304,6 +304,7 @@ class TestFigures:
         assert " deg" not in refused.get_suptitle()
         figures.write(refused, tmp_path / "a.png")
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
     def test_formats(self, tmp_path, suffix, start):
         deviation = allan_deviation(np.random.default_rng(1).standard_normal((400, 3)), rate_hz=10)
@@ -348,6 +349,7 @@ def deviation():
 
 
 class TestPage:
+    @pytest.mark.slow
     @pytest.mark.parametrize("estimate", [VALID, REFUSED, UNKNOWN], ids=["valid", "refused", "unknown"])
     def test_page_stands_alone(self, estimate, deviation):
         page = heading_page(Outcome("rec.csv", estimate), CONVERGENCE, deviation=deviation, inputs=[("axes", "frd")])

@@ -133,6 +133,7 @@ triads = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(gyro=triads, accel=triads, g_sensitivity=values, source=st.text(max_size=40))
 @settings(max_examples=60)
 def test_a_written_sensor_reads_back_the_same(tmp_path_factory, gyro, accel, g_sensitivity, source):

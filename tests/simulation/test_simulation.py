@@ -75,6 +75,7 @@ def test_white_noise_is_the_same_at_every_sample_rate(rate_hz):
     assert_covariance(errors[:, 1:], errors[:, :-1], 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "samples_per_tau",
     [
@@ -106,6 +107,7 @@ def test_first_and_last_sample_are_normal():
         assert stats.kstest(errors[:, instant].ravel() / sigma, stats.norm.cdf).pvalue > CHANCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("samples_per_tau", "boundary"), [(5.0, 256), (60.0, 4), (300.0, 4)])
 def test_a_process_runs_on_across_blocks(monkeypatch, samples_per_tau, boundary):
     # Blocks of one run and `boundary` samples: the fast process must carry its state, the slow ones their knots.
@@ -126,6 +128,7 @@ def test_slow_processes_of_different_spacing_join_without_steps():
     assert steps.max() < true_step  # a line has less from sample to sample; a staircase would have 16 times as much
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate_hz", "duration"), [(3.0, 100.0), (3.0, 230.0), (100.0, 8.0)])
 def test_mean_of_the_in_run_bias_has_the_variance_of_its_law(rate_hz, duration):
     errors = TriadErrors(flicker=1.0)
@@ -133,6 +136,7 @@ def test_mean_of_the_in_run_bias_has_the_variance_of_its_law(rate_hz, duration):
     assert_variance(means, variance_of_mean(*flicker_components(errors)[:2], duration).sum(), missing=0.01)
 
 
+@pytest.mark.slow
 def test_in_run_bias_has_a_flat_allan_deviation_of_0_664_b():
     rate_hz, runs = 5.0, 400
     errors = sensor_errors(TriadErrors(flicker=1.0), (runs, 2560), rate_hz, rng=np.random.default_rng(4))
@@ -233,6 +237,7 @@ def test_g_sensitivity_turns_specific_force_into_bias():
     assert_variance(gyro[:, 0] - mat_bn(0.7, -0.4, 0.3) @ earth_rate_n(0.8), (1e-6 * normal_gravity(0.8)) ** 2)
 
 
+@pytest.mark.slow
 def test_quantisation_keeps_the_mean_and_never_loses_a_step():
     step, rate_hz, seconds, runs = 0.01, 50.0, 60, 400
     quantised = Sensor("q", TriadErrors(quantisation=step), TriadErrors(quantisation=0.7))
@@ -304,6 +309,7 @@ def integrated(rotation_nb, latitude, edges, accel_n, *, substeps=4000):
     return np.array(rates), np.array(forces)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("smooth", [False, True])
 @pytest.mark.parametrize(("latitude", "roll", "pitch", "heading"), POSES[1:3])
 def test_turning_while_tilted_agrees_with_brute_force(latitude, roll, pitch, heading, smooth):
@@ -383,6 +389,7 @@ def test_a_disturbance_moves_gyro_and_accelerometer_as_one_body():
     assert_allclose(accel, forces, atol=1e-7, rtol=0)
 
 
+@pytest.mark.slow
 def test_sway_is_drawn_from_the_stated_law():
     times = np.arange(0, 400, 0.25)
     angle = drawn("sway", times, runs=600, rng=np.random.default_rng(3))[0]
@@ -456,6 +463,7 @@ def test_each_run_of_a_batch_has_its_own_pose():
     assert_allclose(level(accel[:, 0])[0], roll, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_temporaries_stay_small_beside_the_result(monkeypatch):
     monkeypatch.setattr(simulation, "_CHUNK", 8_000)
     for disturbance in ("quiet", "sway"):

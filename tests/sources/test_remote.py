@@ -142,6 +142,7 @@ def _not_fetched_again(cutter: Cutter, before: int) -> None:
     assert cutter.asked["whole.csv"] == before
 
 
+@pytest.mark.slow
 def test_a_web_server(recordings):
     with served(recordings, {"whole.csv": 0, "once.csv": 1, "always.csv": 1000}) as cutter:
         check(cutter, *(f"http://127.0.0.1:{cutter.port}/{name}.csv" for name in ("whole", "once", "always")))
@@ -172,6 +173,7 @@ def packed(folder: Path) -> dict[str, str]:
     return {inside: found[name] for name, inside in names.items()}
 
 
+@pytest.mark.slow
 def test_archives_and_packed_files_behind_urls_are_as_on_the_disk(recordings, monkeypatch):
     import fsspec
 
@@ -309,6 +311,7 @@ def test_what_a_killed_process_left_goes_and_what_is_held_stays(tmp_path, monkey
             assert held.exists()
 
 
+@pytest.mark.slow
 def test_an_object_store(recordings, monkeypatch):
     pytest.importorskip("s3fs", reason="s3fs is not installed")
     moto = pytest.importorskip("moto.server", reason="moto with its server is not installed")

@@ -46,6 +46,7 @@ def test_harmonics_take_out_a_tone_of_the_grid_and_huber_a_bump():
     assert off["median"] < 0.05 * off["mean"]
 
 
+@pytest.mark.slow
 def test_part_is_the_reference_set_and_its_accelerometer_feels_the_same_motion():
     part = part_of(kind="mixed", duration=100.0, bias_deg_h=0.1, runs=2000, rows=(5, 8), seed=disturbed.SEED)
     assert part.made.sha256 == reference_set().sha256
@@ -72,6 +73,7 @@ def test_periodogram_finds_tone_and_bump():
     assert abs(int(np.argmax(height)) - 40) <= 1
 
 
+@pytest.mark.slow
 def test_units_and_report(monkeypatch):
     pytest.importorskip("onnxruntime")
     pytest.importorskip("torch")

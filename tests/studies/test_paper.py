@@ -219,6 +219,7 @@ def clone(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_only_numbers_name_recordings_and_folders_are_sessions(clone):
     found = source.public_set(str(clone))
     assert found.recordings.gyro_l.shape == (36, 615, 3)
@@ -230,6 +231,7 @@ def test_only_numbers_name_recordings_and_folders_are_sessions(clone):
     assert "reconstruction" not in about
 
 
+@pytest.mark.slow
 def test_no_page_of_a_users_clone_speaks_of_the_reconstruction(clone, tmp_path, monkeypatch):
     monkeypatch.setattr("gyronorth.studies.published_transfer.SETS", 1)
     monkeypatch.setattr("gyronorth.studies.published_splits.ARCS", (5,))

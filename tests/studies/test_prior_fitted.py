@@ -41,6 +41,7 @@ def results(plan):
     return found
 
 
+@pytest.mark.slow
 def test_the_same_recordings_are_known_and_tested_as_in_the_study_of_the_published(small):
     """The closed form and `learned` give what `benchmark published` has, to the last digit."""
     found = results(PLAN)

@@ -51,6 +51,7 @@ def test_rows_of_valid_and_refused_windows():
     assert row[5:] == (pytest.approx(12.5**0.5), 4.0, pytest.approx(12.5**0.5), 5.0, "too_noisy")
 
 
+@pytest.mark.slow
 def test_study_on_two_recordings(real_data, monkeypatch, tmp_path):
     """A car that must have its heading, and a cart that must be refused; the folder's name is in no output."""
     monkeypatch.setenv(real.VARIABLE, str(real_data))

@@ -14,6 +14,7 @@ from gyronorth.studies import turned as study
 from gyronorth.studies.study import StudyPlan
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "turns", "column", "expected_deg"),
     [
@@ -30,6 +31,7 @@ def test_bound_of_a_case_is_what_the_plan_says(name, turns, column, expected_deg
     assert_allclose(np.degrees(planned), expected_deg, atol=0.06)
 
 
+@pytest.mark.slow
 def test_units_and_report(monkeypatch):
     small = replace(study.CASES["2 x 180"], runs=6)
     tilted = replace(small, roll_deg=10.0, latitude_deg=-45.0)

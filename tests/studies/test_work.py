@@ -162,6 +162,7 @@ def test_a_scheduler_that_is_not_there_is_refused():
         pass
 
 
+@pytest.mark.slow
 def test_benchmark_writes_json_and_markdown_and_continues(tmp_path):
     seen = []
     for _ in range(2):
@@ -231,7 +232,7 @@ def test_dask_gives_the_same_files_and_a_killed_worker_loses_nothing(tmp_path):
     with cluster, executor_on(cluster.scheduler_address) as executor:
         run_units(units(str(mark)), tmp_path / "dask", executor, command="c")
         with distributed.Client(cluster) as client:
-            client.wait_for_workers(2, timeout=60)  # a worker that is on its way back cannot be closed
+            client.wait_for_workers(2, timeout=300)  # a worker that is on its way back cannot be closed
     assert mark.exists()  # a worker did die
     with ThreadPoolExecutor(1) as executor:
         run_units(units(str(mark)), tmp_path / "local", executor, command="c")

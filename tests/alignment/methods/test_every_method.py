@@ -59,6 +59,7 @@ def test_the_catalogue_and_the_classes_agree(name):
     assert set(info(name).gates) <= set(GATES)
 
 
+@pytest.mark.slow
 def test_it_answers_what_it_is_made_for(name):
     recording = recorded(name)
     estimate = heading(recording, sensor=SENSOR, method=name)
@@ -97,6 +98,7 @@ def test_turn_angles_and_an_attitude_do_not_go_together(method):
     assert "one pose only" not in str(told.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "terms", [{}, {"flicker": 1e-6}, {"turn_on_bias": 2e-5}, {"random_walk": 1e-8}, {"white": 1e-4}]
 )
@@ -118,6 +120,7 @@ def test_a_profile_with_zero_terms_gives_a_number_or_an_input_error(name, terms)
         assert off < np.radians(30.0)
 
 
+@pytest.mark.slow
 def test_a_batch_gives_what_its_recordings_give(name):
     kinds = [recorded(name, seed=seed) for seed in (1, 2)]
     if name == "auto":
@@ -138,6 +141,7 @@ def test_a_batch_gives_what_its_recordings_give(name):
         assert batch.valid[index] == single.valid
 
 
+@pytest.mark.slow
 def test_a_stream_gives_what_the_file_gives(name):
     recording = recorded(name, sensor=SENSOR)
     stream = StreamingHeading(rate_hz=RATE, latitude=LATITUDE, accelerometer=True, sensor=SENSOR, method=name)
@@ -150,6 +154,7 @@ def test_a_stream_gives_what_the_file_gives(name):
     assert_allclose(streamed.interval95, read.interval95, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_float32_lists_and_read_only_arrays_are_taken(name):
     recording = recorded(name)
     expected = heading(recording, sensor=SENSOR, method=name)
@@ -167,6 +172,7 @@ def test_float32_lists_and_read_only_arrays_are_taken(name):
     assert (frozen_gyro == recording.gyro_b).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("psi", [0.7, -2.0])
 def test_turning_the_body_turns_the_heading(name, psi):
     """The same noise in the turned body: only networks, trained on headings, turn within their own error."""
@@ -179,6 +185,7 @@ def test_turning_the_body_turns_the_heading(name, psi):
     assert abs(off) <= within
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["bayes", "learned"])
 def test_a_knock_is_motion_to_a_method_that_leaves_out_bumps(method):
     """Once 40 of 40 were valid, and a third of the intervals missed. Half of the knock is 0.75 deg off the mean."""
@@ -187,6 +194,7 @@ def test_a_knock_is_motion_to_a_method_that_leaves_out_bumps(method):
     assert "motion" in {reason.code for reason in heading(recording, sensor="isa100c", method=method).reasons}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("runs", "most"), [(3, 1), pytest.param(40, 7, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "sensor", ["isa100c", *(pytest.param(name, marks=pytest.mark.long) for name in ("hg9900", "sdc500"))]
@@ -234,6 +242,7 @@ def knocked(sensor, angle_b, rng) -> Recording:
     return Recording(rate + own_rate, force + own_force, RATE, latitude=LATITUDE, heading_true=float(heading_end))
 
 
+@pytest.mark.slow
 def test_its_json_is_valid_against_the_schema(name):
     jsonschema = pytest.importorskip("jsonschema")
     from gyronorth.schemas import read_schema
@@ -259,6 +268,7 @@ def mixed(seed, *, duration) -> Recording:
     return simulate("isa100c", latitude=LATITUDE, heading=1.0, duration=duration, rate_hz=RATE, rng=rng, motion=motion)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", [None, SENSOR])
 def test_a_mixture_has_a_budget_of_its_own(sensor):
     """Once sigma 0.93 stood beside "noise 7.21": the terms were those of a method that did not answer."""

@@ -76,6 +76,7 @@ def exported(request, tmp_path_factory):
     return folder, denoiser, heading
 
 
+@pytest.mark.slow
 def test_exported_networks_agree_with_pytorch_to_1e_4_deg(exported):
     folder, denoiser, heading = exported
     gyro = windows(90, 40, seed=2).gyro_l
@@ -85,6 +86,7 @@ def test_exported_networks_agree_with_pytorch_to_1e_4_deg(exported):
     assert np.abs(np.degrees(error)).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_a_heading_does_not_depend_on_the_batch(exported):
     folder, _, _ = exported
     bundle = load_bundle(folder)
@@ -158,6 +160,7 @@ def test_across_batch_is_never_exported(tmp_path):
     assert not (tmp_path / "b").exists()
 
 
+@pytest.mark.slow
 def test_a_denoiser_alone_gives_no_heading(tmp_path):
     denoiser, _, _ = made("flattened", "degrees", t_back=998)
     info = export_bundle(tmp_path / "b", denoiser=denoiser)
@@ -254,6 +257,7 @@ def test_a_units_bundle_corrects_the_closed_form_in_its_session_and_says_so(own_
     assert info.metrics["test_deviation_crmse_deg"] < 0.6 * info.metrics["test_model_based_crmse_deg"]
 
 
+@pytest.mark.slow
 def test_a_known_bias_and_a_bundle_that_carries_a_curve_would_correct_twice(own_bundle, exported, tmp_path):
     write(biased("s"), tmp_path / "rec.csv")
     arguments = ["heading", str(tmp_path / "rec.csv"), "--gyro-bias", "1.1,0,0", "--method"]
@@ -265,6 +269,7 @@ def test_a_known_bias_and_a_bundle_that_carries_a_curve_would_correct_twice(own_
     assert "twice" not in result.output
 
 
+@pytest.mark.slow
 def test_why_a_bundle_is_without_a_curve_is_written_into_it(tmp_path):
     denoiser, network, data = made("flattened", "degrees", t_back=998)
     why = "the recordings are of latitudes from 32.00 to 48.00 deg"
@@ -324,6 +329,7 @@ def test_a_recording_shorter_than_those_learned_from_adds_its_noise(own_bundle):
     assert short.sigma_parts["noise"] == pytest.approx(noise, rel=0.25)  # the record's own noise, of 45 samples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "recipe"), [("paper", paper), ("baseline", baseline)])
 def test_shipped_bundles_reproduce_the_errors_on_their_card(method, recipe):
     """The reconstruction, the split, the networks and the inference together: the test error comes out as printed."""

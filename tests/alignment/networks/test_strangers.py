@@ -59,6 +59,7 @@ def test_a_network_of_a_stranger_runs_in_a_process_of_its_own(tmp_path):
     assert np.degrees(run(loaded, RATES)) == pytest.approx([123.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "words"),
     [
@@ -169,6 +170,7 @@ def test_other_files_are_found_however_deep_and_damage_is_told():
         names_other_files(network().SerializeToString()[:-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", [b"\0\0", b"\x08\0"])
 def test_a_file_of_fields_without_end_is_no_network(field):
     """Walking through 50 MB of them had no bound."""

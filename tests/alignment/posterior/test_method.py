@@ -24,6 +24,7 @@ def recording(sensor, latitude_deg, seed, duration=100.0):
     return replace(made, latitude=None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_broken_unit_and_a_wrong_latitude_are_no_scale_of_the_profile(seed):
     made = recording("stim300", 45, seed)
@@ -85,6 +86,7 @@ def test_the_density_is_handed_on_and_holds_what_the_interval_says():
     assert mean.to_json(posterior=True)["posterior"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accel", [True, False])
 def test_a_nudge_in_azimuth_refuses_nothing_and_the_heading_is_that_at_the_end(accel):
     """The step of the yaw is no vertical rate: as a mean it would be 0.3 deg in 300 s, a quarter of Earth rate."""

@@ -114,6 +114,7 @@ def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
     assert one.log_weight - none.log_weight == pytest.approx(log_p - dense(noise)[2], rel=1e-6, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "widest"), [("hg9900", 1.2), ("isa100c", 1.25)])
 def test_an_honest_unit_keeps_its_interval(name, widest):
     sensor, runs = read_sensor(name), 40
@@ -143,6 +144,7 @@ def test_what_the_accelerometer_sees_is_no_earth_rate(moves):
     assert np.sqrt(np.mean(off**2)) < 1.5 * least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "fading"), [("sdc500", False), ("isa100c", True), ("hg9900", False)])
 def test_an_accelerometer_that_drifts_is_no_tilt(name, fading):
     """Its bias moves by three times the profile's, which the gyro does not see; taken for a tilt, half are missed."""
@@ -162,6 +164,7 @@ def test_an_accelerometer_that_drifts_is_no_tilt(name, fading):
     assert np.median(np.abs(off)) < 2 * least
 
 
+@pytest.mark.slow
 def test_a_bias_beyond_the_profile_widens_and_is_told():
     sensor, runs = read_sensor("isa100c"), 24
     worse = replace(sensor, gyro=replace(sensor.gyro, turn_on_bias=8 * sensor.gyro.turn_on_bias))
@@ -171,6 +174,7 @@ def test_a_bias_beyond_the_profile_widens_and_is_told():
     assert np.median([f.scale for f in found]) > 2
 
 
+@pytest.mark.slow
 def test_a_settling_bias_is_found_beside_a_good_accelerometer():
     sensor, runs = read_sensor("isa100c"), 30
     gyro_b, accel_b, truth = simulated(sensor, runs, duration=200.0)

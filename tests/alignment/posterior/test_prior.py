@@ -10,6 +10,7 @@ from gyronorth.earth import EARTH_RATE
 LATITUDE, RUNS, NOISE = np.radians(48.0), 1200, 0.5 * DEG_PER_HOUR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias_deg_h", [0.02, 0.3, 1.0, 2.0, 3.0])
 def test_without_a_profile_no_size_of_the_bias_is_missed_often(bias_deg_h):
     # The posterior of a mean rate alone, every scale of the bias weighed, against the true heading 0. No one law can

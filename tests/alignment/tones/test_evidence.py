@@ -49,6 +49,7 @@ def brute_force(errors, x, masked, frequencies, decay):
     return sum(multivariate_normal(np.zeros(keep.sum()), cov[np.ix_(keep, keep)]).logpdf(x[keep, i]) for i in range(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("errors", [WHITE, COLOURED], ids=["white", "coloured"])
 @pytest.mark.parametrize("bumped", [False, True])
 def test_evidence_of_every_model_is_the_marginal_likelihood(errors, bumped):

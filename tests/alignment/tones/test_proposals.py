@@ -50,6 +50,7 @@ def test_reference_mix_and_quiet(bundle):
         assert found.fits.mean() > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["ramp", *(pytest.param(kind, marks=pytest.mark.long) for kind in ("square", "beat"))])
 def test_what_was_held_out_is_no_worse_than_the_mean(bundle, kind):
     made = reference_set(kind, runs=200, seed=5)
@@ -67,6 +68,7 @@ def test_square_wave_does_not_fit(bundle, amplitude):
     assert not found.fits[0]
 
 
+@pytest.mark.slow
 def test_agrees_with_the_search_over_the_whole_grid(bundle):
     # The same law but for the prior of kinds: both within a fraction of sigma of each other.
     made = reference_set("sway", runs=8, seed=7)
@@ -146,6 +148,7 @@ def test_a_large_bump_alone_costs_nothing():
     assert abs(angle_error(found.heading, quiet.heading)) < 0.5 * quiet.sigma
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hangs", [1e-3, 2.0, np.inf])
 def test_side_by_side_each_is_what_it_is_alone_to_the_last_bit(bundle, monkeypatch, hangs):
     """A proposal that hangs by so much is asked for alone: by default few, else many, or all."""

@@ -87,6 +87,7 @@ def test_one_concentrated_law_and_no_law_at_all():
     assert_allclose((interval[1] - interval[0]) % (2 * np.pi), 0.95 * 2 * np.pi, rtol=1e-3)  # 95 % of the circle
 
 
+@pytest.mark.slow
 def test_quiet_recordings_lose_nothing():
     error, fits, plain = estimates("quiet", 15)
     assert cyclic_rmse(error) < 1.1 * cyclic_rmse(plain)
@@ -126,6 +127,7 @@ def test_a_noise_law_that_is_too_good_is_scaled_up():
     assert fit.sigma > 0.7 * honest.sigma
 
 
+@pytest.mark.slow
 def test_mixed_disturbance_costs_less_than_half_of_what_it_costs_the_mean():
     # 20 recordings; in 400 of them the ratio is 0.31.
     error, fits, plain = estimates("mixed", 20)

@@ -20,6 +20,7 @@ def noise(errors, motion, samples, rng):
     return root @ rng.standard_normal((samples, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time", [0.1, 1.0, 30.0])
 def test_the_spectrum_of_the_motion_is_the_transform_of_its_covariance(time):
     motion, n = BoundedMotion(2e-5, time), 3001

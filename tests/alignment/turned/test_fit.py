@@ -106,6 +106,7 @@ def test_covariance_of_one_mean_is_that_of_the_uncertainty_room():
     assert_allclose(ours, parts["noise"] + parts["drift"], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_covariance_between_means_is_that_of_simulated_errors():
     errors = TriadErrors(white=2e-6, flicker=5e-6, random_walk=2e-7)
     first, last = np.array([0, 100, 300, 700]), np.array([100, 200, 600, 1200])
@@ -188,6 +189,7 @@ def test_bound_grows_with_an_unknown_scale_factor():
 # --- the fit -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [(PI,), (PI / 2,) * 3, (-1.0, 2.3), (4 * PI + 0.5,)])
 @pytest.mark.parametrize(("latitude", "roll", "pitch"), [(0.5, 0, 0), (-0.8, 0.15, -0.1), (0.0, -0.1, 0.17)])
 def test_noise_free_recording_returns_heading_bias_and_attitude(turns, latitude, roll, pitch):
@@ -203,6 +205,7 @@ def test_noise_free_recording_returns_heading_bias_and_attitude(turns, latitude,
     assert_allclose(sum(part**2 for part in fit.sigma_parts.values()), fit.sigma**2, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "turns", "accel"),
     [(WHITE, (PI,), True), (WHITE, (PI,), False), (WHITE, (PI / 3,), True), (FLICKER, (PI,), True)],
@@ -214,6 +217,7 @@ def test_error_is_what_sigma_and_bound_say(sensor, turns, accel):
     assert 0.98 < np.median(sigma) / bound < 1.15  # the bound knows that the bias does not scatter, the fit does not
 
 
+@pytest.mark.slow
 def test_scale_factor_misalignment_and_tilt_are_covered():
     rough = TriadErrors(**{**vars(WHITE.gyro), "scale_factor": 3e-3, "misalignment": 1e-3})
     sensor = Sensor("rough", rough, replace(WHITE.accel, misalignment=1e-3))
@@ -237,6 +241,7 @@ def test_given_turn_angles_show_the_scale_factor():
     assert fit.scale_factor_sigma[2] < 1.2e-4
 
 
+@pytest.mark.slow
 def test_carousel_reaches_the_floor_without_any_still_pose():
     gyro, accel, heading = runs_of(WHITE, (10 * PI,), 2, still=1e-3, length=100.0)
     fits = [turned(g, a, rate_hz=10.0, latitude=LATITUDE, errors=WHITE) for g, a in zip(gyro, accel, strict=True)]
@@ -247,6 +252,7 @@ def test_carousel_reaches_the_floor_without_any_still_pose():
     assert fits[0].turns[0].spin
 
 
+@pytest.mark.slow
 def test_without_a_profile_noise_is_inferred_and_covered():
     error, sigma = errors_and_sigmas(WHITE, (PI,), 6, profile=False)
     assert np.mean(np.abs(error) < 1.96 * sigma) > 0.6  # of 6 runs at 95 %, 3 or fewer: 2 in 1000
@@ -284,6 +290,7 @@ def test_nothing_but_motion_is_told():
 # --- the figures of the issue --------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [16, pytest.param(2000, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("sensor", "turns", "latitude", "roll", "most"),

@@ -46,6 +46,7 @@ def swayed(gyro, accel, angle, seconds, lever=0.0):
     return gyro, accel
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle_deg", "seconds"), [(0.01, 3.1), (0.003, 7.3), (0.1, 2.3)])
 @pytest.mark.parametrize("with_accel", [True, False])
 def test_sway_within_poses_is_answered_and_covered(angle_deg, seconds, with_accel):
@@ -75,6 +76,7 @@ def test_the_accelerometer_makes_more_of_sway():
     assert with_it.sigma < 0.6 * without.sigma
 
 
+@pytest.mark.slow
 def test_bias_that_steps_between_poses_widens_the_interval():
     gyro, accel, truth, ranges = poses_of(QUIET, (np.pi / 2,) * 3, 6)
     step = np.random.default_rng(7).normal(0, 2 * DEG_PER_HOUR, (6, 4, 3))

@@ -121,6 +121,7 @@ MEMBERS = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(st.dictionaries(NAMES, MEMBERS, min_size=1, max_size=3), st.booleans())
 def test_structs_agree_with_scipy(tree, compressed):
     """Every matrix of numbers in any tree of structs, by its path."""

@@ -32,6 +32,7 @@ def structs(values):
     return pyarrow.array([dict(zip("xyz", row, strict=True)) for row in values.tolist()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", [fixed, structs, lambda values: pyarrow.array(values.tolist())])
 @pytest.mark.parametrize("clock", [TIME, pyarrow.array(STAMPS, pyarrow.timestamp("us", "Europe/Berlin"))])
 def test_triples_in_one_column(tmp_path, made, clock):
@@ -73,6 +74,7 @@ JSON = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", JSON)
 @pytest.mark.parametrize("indent", [None, 1])
 def test_json_in_one_piece(tmp_path, name, indent):

@@ -45,6 +45,7 @@ def saved(path, **how):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [{}, {"above": (["Logger", "v3"], [], ["Sample Rate", 100])}, {"dates": True}])
 def test_the_only_sheet_of_numbers_with_titles_is_read_without_declarations(tmp_path, how):
     recording = read(saved(tmp_path / "rec.xlsx", **how))
@@ -54,6 +55,7 @@ def test_the_only_sheet_of_numbers_with_titles_is_read_without_declarations(tmp_
     assert_allclose(recording.accel_b, ACCEL, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_one_of_two_sheets_is_asked_for(tmp_path):
     path = saved(tmp_path / "rec.xlsx")
     book = openpyxl.load_workbook(path)
