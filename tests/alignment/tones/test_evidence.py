@@ -134,3 +134,12 @@ def test_a_longer_recording_allows_for_a_slower_warm_up():
         density, first = share / np.diff(edges), len(TIME_CONSTANT_BINS) - 1
         assert_allclose(share[first:], share[first])
         assert_allclose(density[first] * 40 / np.log(4 / 3) / 120, density[first - 1])
+
+
+@pytest.mark.parametrize("flicker", [0.0, 1.0])
+def test_the_determinant_is_that_of_the_samples_that_are_not_masked(flicker):
+    errors = TriadErrors(white=0.02 * DEG_PER_SQRT_HOUR, flicker=flicker * DEG_PER_HOUR)
+    edges, masked = np.arange(91), np.arange(90) % 17 < 3
+    covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=3.0)
+    wanted = -np.linalg.slogdet(covariance[np.ix_(~masked, ~masked)])[1] / 2
+    assert_allclose(law(90, 3.0, errors).log_det(masked), wanted, rtol=1e-9)

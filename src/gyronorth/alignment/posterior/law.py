@@ -28,9 +28,9 @@ DRIFT_PRIOR = (0.04, 0.06, 0.86, 0.03, 0.01)
 #: Broadband motion: tilt, rad rms per axis, and correlation time over the duration.
 SWAYS = tuple(np.radians((3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)))
 SWAY_TIMES = (0.01, 0.04, 0.16)
-#: Where tones or bumps were fitted, broadband motion is what they leave: every second size at two of the times.
-SWAYS_LEFT, SWAY_TIMES_LEFT = SWAYS[::2], SWAY_TIMES[::2]
-#: Likewise of the yaw.
+#: Where tones or bumps were fitted, broadband motion is what they leave: every size, at one time.
+SWAY_TIMES_LEFT = SWAY_TIMES[1:2]
+#: Of the yaw two sizes at two times.
 YAWS_LEFT, YAW_TIMES_LEFT = tuple(np.radians((3e-3, 0.1))), (0.01, 0.3)
 #: Probability of broadband motion, with and without an accelerometer that would show it.
 SWAY, SWAY_UNSEEN = 0.08, 0.04
@@ -40,10 +40,14 @@ TILT_PRIOR = (0.075, 0.105, 0.149, 0.149, 0.149, 0.149, 0.149, 0.075)
 TILT, TILT_UNSEEN = 0.5, 0.15
 #: Time constants over the duration of a tilt that settles; infinite for one that goes on.
 TILT_TIMES = (np.inf, 0.5, 0.15)
+#: Tilt and yaw that settle in any time: time constants over the duration, from and to; angle at the end, rad rms per
+#: axis; and the probability of such a tilt beside an accelerometer. The yaw's is part of `YAW`.
+CREEP_TIMES, CREEP = (0.05, 3.0), 0.05
+CREEPS, YAW_CREEPS = tuple(np.radians((0.01, 0.03, 0.1, 0.3))), tuple(np.radians((0.03, 0.3)))
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.12, (1.0, 3.0, 10.0, 30.0)
-SETTLING_SIZE_PRIOR = (0.15, 0.3, 0.5, 0.05)
+SETTLING, SETTLING_SIZES = 0.16, (1.0, 3.0, 10.0, 30.0)
+SETTLING_SIZE_PRIOR = (0.15, 0.25, 0.57, 0.03)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
 #: Walking bias: probability, and rate at the end over the profile's bias.
@@ -117,6 +121,7 @@ class Law:
     vertical: Axis  # d = COUNT; bases drift x yaw
     drift: Index  # (b,) number of the drift of each horizontal base
     sway: Array  # (b,) rad rms of its motion, 0 for none
+    creep: Mask  # (b,) whether it tilts by what settles in any time
     force: Array  # (b,) rad rms of what the accelerometer drifts beyond its noise, 0 for nothing
     log_prior: Array  # (b,) of its motion and force
     yaw_drift: Index  # (v,)
@@ -180,6 +185,7 @@ def law_of(
         vertical=_axis(noise[:, :COUNT, :COUNT], moves.yaw_drift, moves.turning, shapes.gyro, None, walk, seconds),
         drift=moves.drift,
         sway=moves.sway,
+        creep=moves.creep,
         force=forces[moves.force],
         log_prior=moves.log_prior,
         yaw_drift=moves.yaw_drift,
@@ -196,6 +202,7 @@ class _Moves:
     drift: Index  # (b,)
     force: Index  # (b,)
     sway: Array  # (b,) rad rms
+    creep: Mask  # (b,)
     motion: Array  # (b, COUNT, COUNT)
     log_prior: Array  # (b,)
     yaw_drift: Index  # (v,)
@@ -207,37 +214,45 @@ class _Moves:
 def _moves(seconds: float, forces: int, *, known: bool, fitted: bool) -> _Moves:
     """Bases of all motions; beside tones or bumps that were fitted, of what they leave."""
     duration, some = seconds * COUNT, SWAY if forces > 1 else SWAY_UNSEEN
-    sizes, lags = (SWAYS_LEFT, SWAY_TIMES_LEFT) if fitted else (SWAYS, SWAY_TIMES)
-    sways = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
-    motion = np.array([size**2 * _motion(seconds, time * duration) for size, time in sways])
+    sways = [(0.0, 1.0), *((size, time) for size in SWAYS for time in (SWAY_TIMES_LEFT if fitted else SWAY_TIMES))]
+    motion = [size**2 * _motion(seconds, time * duration) for size, time in sways]
+    # Without an accelerometer a tilt that settles is next to a constant bias: the shapes' smaller prior holds.
+    creeps = CREEPS if forces > 1 else ()
+    motion += [size**2 * _creep(seconds) for size in creeps]
     sizes, lags = (YAWS_LEFT, YAW_TIMES_LEFT) if fitted else (YAWS, YAW_TIMES)
     yaws = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
-    turning = np.array([yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws])
-    drift, sway, force = _paired(len(sways), forces, known=known)
-    yaw_drift, yaw, _ = _paired(len(yaws), 1, known=known)
+    turning = [yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws]
+    turning += [yaw**2 * _creep(seconds) for yaw in YAW_CREEPS]
+    drift, moved, force = _paired(len(sways), len(creeps), forces, known=known)
+    yaw_drift, yaw, _ = _paired(len(yaws), len(YAW_CREEPS), 1, known=known)
+    sway, creep = np.where(moved < len(sways), moved, 0), np.maximum(moved - len(sways) + 1, 0)
     return _Moves(
         drift=drift,
         force=force,
         sway=np.array([tilt for tilt, _ in sways])[sway],
-        motion=motion[sway],
-        log_prior=_log_prior((some, FORCE), drift, (sway, force)),
+        creep=creep > 0,
+        motion=np.array(motion)[moved],
+        log_prior=_log_prior((some, FORCE, CREEP), drift, (sway, force, creep)),
         yaw_drift=yaw_drift,
-        turning=turning[yaw],
+        turning=np.array(turning)[yaw],
         yaw_log_prior=_log_prior((YAW,), yaw_drift, (yaw,)),
     )
 
 
-def _paired(motions: int, forces: int, *, known: bool) -> tuple[Index, Index, Index]:
-    """Numbers of drift, motion and force of each base.
+def _paired(motions: int, creeps: int, forces: int, *, known: bool) -> tuple[Index, Index, Index]:
+    """Numbers of drift, motion (those that creep last) and force of each base.
 
-    What drifts less than a known profile only where nothing moves, a force beside no motion and a gyro as it should be.
+    What drifts less than a known profile only where nothing moves, what creeps beside a gyro as it should be, a force
+    beside no motion and such a gyro.
     """
     pairs = [
         (d, m, f)
         for d, factor in enumerate(DRIFTS)
-        for m in range(motions)
+        for m in range(motions + creeps)
         for f in range(forces)
-        if (factor >= 1 or m == 0 or not known) and (f == 0 or (m == 0 and factor == 1))
+        if (factor >= 1 or m == 0 or not known)
+        and (f == 0 or (m == 0 and factor == 1))
+        and (m < motions or factor == 1)
     ]
     drift, motion, force = np.array(pairs).T
     return drift, motion, force
@@ -309,6 +324,15 @@ def _motion(seconds: float, time: float) -> Array:
     at = np.arange(COUNT + 1) * seconds
     tilt = np.exp(-np.abs(at[:, None] - at) / time)
     return np.diff(np.diff(tilt, axis=0), axis=1) / seconds**2
+
+
+@lru_cache(maxsize=64)
+def _creep(seconds: float) -> Array:
+    """Covariance of block means of the rate of an angle that settles to unit variance at the end, in any time."""
+    edges: Array = np.asarray(np.arange(COUNT + 1) / COUNT, dtype=float)
+    tau = np.geomspace(*CREEP_TIMES, 16)[:, None]
+    rate = np.diff(np.expm1(-edges / tau) / np.expm1(-1 / tau), axis=1) / seconds
+    return rate.T @ rate / len(tau)
 
 
 def _walk_modes() -> Array:

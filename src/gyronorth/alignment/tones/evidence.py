@@ -101,6 +101,13 @@ class ToneLaw:
             return columns / self.whiten[:, None]
         return np.asarray(np.linalg.solve(self.whiten, columns), dtype=float)
 
+    def log_det(self, masked: Mask) -> float:
+        """Log determinant of `whitened`, masked samples (n,) left out."""
+        if self.whiten.ndim == 1:
+            return float(np.sum(np.log(self.whiten[~masked])))
+        left = np.linalg.qr(self.whiten[:, masked], mode="r")
+        return float(np.sum(np.log(np.diag(self.whiten))) - np.sum(np.log(np.abs(np.diag(left)))))
+
     def tones(self, frequency: Array) -> Array:
         """Cosines, then sines, (n, 2 f), whitened, in units of their prior deviation."""
         # By the sum formulas from every `STRIDE`th sample and those after it: few cosines are worked out.
@@ -193,6 +200,16 @@ class Evidence:
     def log_posterior(self) -> Array:
         """Logarithm (s, m) of the probability of each model when nothing is known of the constant, but for a number."""
         return self.log_weight - 1.5 * np.log(self.information)
+
+    def beside(self, other: Evidence, log_odds: float) -> Evidence:
+        """Its models and those of another law, whose log odds beforehand are given."""
+        return Evidence(
+            np.concatenate([self.log_weight, other.log_weight + log_odds], axis=1),
+            np.concatenate([self.information, other.information], axis=1),
+            np.concatenate([self.rate, other.rate], axis=2),
+            np.concatenate([self.first, other.first]),
+            np.concatenate([self.second, other.second]),
+        )
 
     @property
     def posterior(self) -> Array:

@@ -48,6 +48,8 @@ NO_TONE = 1e-4
 EXCESS_SIGMA = 4.0
 #: Share of the samples above which what stands out is no bumps.
 MOST_BUMPED = 0.2
+#: A unit whose in-run drift is less than its profile says: by what factor, and the log odds of it beforehand.
+STEADIER, STEADY = 0.3, np.log(0.1 / 0.9)
 #: Models less likely than this are left out of the average.
 NEGLIGIBLE = 1e-5
 #: Models less likely than the best by this in the logarithm are not looked at: what is known of the constant
@@ -118,6 +120,13 @@ def amortising(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: Tr
     models, masked = found.models, found.masked
     if left > _most(masked):
         models = yield Weighing(found.law, found.seen, found.lines.log_prior, scale=float(np.sqrt(left)))
+    if law_holds and (errors.flicker > 0 or errors.random_walk > 0):
+        drift = {"flicker": STEADIER * errors.flicker, "random_walk": STEADIER * errors.random_walk}
+        steady = law(len(gyro_l), rate_hz, replace(errors, **drift))
+        seen = columns(steady, steady.whitened(gyro_l), masked, found.lines.frequency)
+        without = yield Weighing(steady, seen, found.lines.log_prior)
+        log_odds = STEADY + 3 * (steady.log_det(masked) - found.law.log_det(masked))
+        models = models.beside(without, log_odds)
     fits = bool(law_holds and masked.mean() <= MOST_BUMPED)
     return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
