@@ -24,6 +24,8 @@ Propose = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32
 
 #: Probability of no, one and two tones, and of a bump in 100 s.
 TONES, BUMP = (0.66, 0.16, 0.18), 0.1
+#: Lines that are looked for beside an accelerometer, and the probability of so many of them.
+LINES, LINED = 4, {1: 0.16, 2: 0.18, 4: 0.1}
 #: Rate of a bump, rad/s per axis.
 BUMP_RATE = np.radians(0.05)
 #: Explanations kept, and the least share of the best that one must have.
@@ -106,16 +108,22 @@ def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
 
 
 def strongest(fine_l: Array, *, rate_hz: float) -> list[tuple[float, float]]:
-    """Frequency, Hz, and rms size, rad/s, of the two strongest lines of one recording (n, 3) that are apart."""
+    """Frequency, Hz, and rms size, rad/s, of the `LINES` strongest lines of one recording (n, 3).
+
+    Each is the highest peak of what the ones before leave, so that lines of several axes may lie close together.
+    """
     n = len(fine_l)
-    taper = np.hanning(n)[:, None]
-    wave = np.fft.rfft(taper * (fine_l - fine_l.mean(axis=0)), n=4 * n, axis=0)
-    power = np.sum(np.abs(wave) ** 2, axis=1)
+    taper, time = np.hanning(n)[:, None], np.arange(n)
+    left: Array = np.asarray(fine_l - fine_l.mean(axis=0), dtype=float)
     found: list[tuple[float, float]] = []
-    for _ in range(2):
+    for _ in range(LINES):
+        power = np.sum(np.abs(np.fft.rfft(taper * left, n=4 * n, axis=0)) ** 2, axis=1)
         at = int(np.argmax(power))
-        found.append((at * rate_hz / (4 * n), float(np.sqrt(2 * power[at] / 3) / taper.sum())))
-        power[max(at - 10, 0) : at + 11] = 0.0
+        phase = np.pi * at / (2 * n) * time
+        wave = np.stack([np.ones(n), np.cos(phase), np.sin(phase)], axis=1)
+        size: Array = np.asarray(np.linalg.lstsq(taper * wave, taper * left, rcond=1e-6)[0], dtype=float)
+        left = np.asarray(left - wave @ size, dtype=float)
+        found.append((at * rate_hz / (4 * n), float(np.sqrt(np.sum(size[1:] ** 2) / 6))))
     return found
 
 
