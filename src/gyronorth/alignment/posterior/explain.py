@@ -16,6 +16,7 @@ from gyronorth.alignment.posterior.blocks import COUNT, Blocks
 from gyronorth.alignment.posterior.law import Axis, Law, fitted_law, law, law_of, noisier
 from gyronorth.alignment.posterior.tones import (
     BUMP,
+    LINED,
     TONES,
     Cleaned,
     Propose,
@@ -133,8 +134,8 @@ def explanations(blocks: Blocks, index: int, sensor: Sensor, *, known: bool, pro
         lines = strongest(fine, rate_hz=rate_hz) if sways else []
         chance = float(np.log(BUMP * blocks.duration / 100 / COUNT))
         for noise in kept:
-            for number in range(1, len(lines) + 1):
-                more = float(np.log(TONES[number] / TONES[0]))
+            for number, probability in LINED.items() if sways else ():
+                more = float(np.log(probability / TONES[0]))
                 found.append(weighed(noise, more, tones=tuple(lines[:number])))
             for hit in bumped_blocks(fine):
                 found.append(weighed(noise, len(hit) * chance, bumped=hit))

@@ -58,6 +58,8 @@ YAWS = tuple(np.radians((1e-3, 1e-2, 0.1, 0.5)))
 YAW_TIMES = (0.01, 0.1, 1.0)
 #: Rotation of a bump, rad.
 BUMP_ANGLE = np.radians(0.1)
+#: How far a line may lie from where it was found, cycles in the recording.
+NEAR_LINE = 0.08
 #: Points of a block at which the motion is integrated, and least noise of a mean rate, rad/s.
 FINE, FLOOR = 8, 1e-12
 #: Tilt of which nothing is known, rad: the constant of the accelerometer's tilt.
@@ -270,7 +272,7 @@ def _log_prior(some: tuple[float, ...], drift: Index, moved: tuple[Index, ...]) 
 
 def _tone(seconds: float, frequency: float, size: float) -> Array:
     """Covariance of block means of a rate that sways at about `frequency`, Hz, in any phase; `size`, rad/s, rms."""
-    near = frequency + np.array([-0.25, 0.25]) / (seconds * COUNT)
+    near = frequency + np.array([-NEAR_LINE, NEAR_LINE]) / (seconds * COUNT)
     phase = 2 * np.pi * (np.arange(COUNT) + 0.5) * seconds * near[:, None, None]
     wave = np.concatenate([np.cos(phase), np.sin(phase)]) * np.sinc(near * seconds)[[0, 1, 0, 1], None, None]
     columns = wave[:, 0].T * size

@@ -24,6 +24,10 @@ Propose = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32
 
 #: Probability of no, one and two tones, and of a bump in 100 s.
 TONES, BUMP = (0.66, 0.16, 0.18), 0.1
+#: Lines that are looked for beside an accelerometer, and the probability of so many of them.
+LINES, LINED = 4, {1: 0.16, 2: 0.18, 4: 0.1}
+#: Steps of their frequencies.
+REFINED = 3
 #: Rate of a bump, rad/s per axis.
 BUMP_RATE = np.radians(0.05)
 #: Explanations kept, and the least share of the best that one must have.
@@ -106,17 +110,43 @@ def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
 
 
 def strongest(fine_l: Array, *, rate_hz: float) -> list[tuple[float, float]]:
-    """Frequency, Hz, and rms size, rad/s, of the two strongest lines of one recording (n, 3) that are apart."""
+    """Frequency, Hz, and rms size, rad/s, of the `LINES` strongest lines of one recording (n, 3).
+
+    Each is the highest peak of what those before it leave; then all are fitted together, so that lines of several axes
+    may lie close together.
+    """
     n = len(fine_l)
-    taper = np.hanning(n)[:, None]
-    wave = np.fft.rfft(taper * (fine_l - fine_l.mean(axis=0)), n=4 * n, axis=0)
-    power = np.sum(np.abs(wave) ** 2, axis=1)
-    found: list[tuple[float, float]] = []
-    for _ in range(2):
-        at = int(np.argmax(power))
-        found.append((at * rate_hz / (4 * n), float(np.sqrt(2 * power[at] / 3) / taper.sum())))
-        power[max(at - 10, 0) : at + 11] = 0.0
-    return found
+    seen: Array = np.asarray(np.hanning(n)[:, None] * (fine_l - fine_l.mean(axis=0)), dtype=float)
+    cycles: Array = np.zeros(0)  # a sample
+    wave, size, left = _fitted(seen, cycles)
+    for _ in range(LINES):
+        power = np.sum(np.abs(np.fft.rfft(left, n=4 * n, axis=0)) ** 2, axis=1)
+        cycles = np.append(cycles, (4 + int(np.argmax(power[4:]))) / (4 * n))  # one in the recording or more
+        wave, size, left = _fitted(seen, cycles)
+    time = 2 * np.pi * (np.arange(n) - (n - 1) / 2)[:, None, None]
+    for _ in range(REFINED):
+        cosine, sine = wave[:, 1 : LINES + 1, None], wave[:, LINES + 1 :, None]
+        slope: Array = np.asarray(time * (cosine * size[LINES + 1 :] - sine * size[1 : LINES + 1]), dtype=float)
+        slope = slope.reshape(n, -1) - wave @ _solved(wave, slope.reshape(n, -1))
+        step = _solved(np.swapaxes(slope.reshape(n, LINES, 3), 1, 2).reshape(-1, LINES), left.ravel())
+        cycles = np.clip(cycles + np.clip(step, -0.5 / n, 0.5 / n), 1 / n, 0.5)
+        wave, size, left = _fitted(seen, cycles)
+    rms = np.sqrt(np.sum(size[1:].reshape(2, LINES, 3) ** 2, axis=(0, 2)) / 6)
+    return [(float(cycles[i]) * rate_hz, float(rms[i])) for i in np.argsort(-rms)]
+
+
+def _fitted(seen: Array, cycles: Array) -> tuple[Array, Array, Array]:
+    """A constant, cosines and sines (n, 1 + 2 k) under the taper, their sizes (1 + 2 k, 3), and what they leave."""
+    n = len(seen)
+    phase = 2 * np.pi * cycles * (np.arange(n) - (n - 1) / 2)[:, None]
+    wave = np.hanning(n)[:, None] * np.concatenate([np.ones((n, 1)), np.cos(phase), np.sin(phase)], axis=1)
+    size = _solved(wave, seen)
+    return wave, size, np.asarray(seen - wave @ size, dtype=float)
+
+
+def _solved(columns: Array, seen: Array) -> Array:
+    """Least squares of columns that may be next to equal."""
+    return np.asarray(np.linalg.lstsq(columns, seen, rcond=1e-6)[0], dtype=float)
 
 
 def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors) -> list[Cleaned]:
