@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from gyronorth.alignment.problem import Problem
-from gyronorth.alignment.registry import METHODS, Options
+from gyronorth.alignment.registry import METHODS, Options, solve_each
 from gyronorth.alignment.result import Result
 from gyronorth.alignment.turned.segments import Segments
 from gyronorth.catalogue import method_info
@@ -19,13 +20,24 @@ class Auto:
 
     def solve(self, problem: Problem, options: Options) -> Result:
         """`turned` where there are poses, else `posterior`; the mean where a deviation curve corrects it."""
-        if problem.attitude is None and problem.segments.poses > 1:
-            return replace(METHODS["turned"].solve(problem, options), why=_counted(problem.segments))
-        if options.turn_angles is not None:
-            raise InputError("Turn angles were given, but the recording holds one pose only. Leave them out.")
-        if options.deviation is not None:
-            return replace(METHODS["mean"].solve(problem, Options()), why="one pose, for the deviation curve")
-        return METHODS["posterior"].solve(problem, Options())
+        return self.solve_many([problem], options)[0]
+
+    def solve_many(self, problems: Sequence[Problem], options: Options) -> list[Result]:
+        """The same of several recordings of one length, rate and place: those of one pose side by side."""
+        found: dict[int, Result] = {}
+        for number, problem in enumerate(problems):
+            if problem.attitude is None and problem.segments.poses > 1:
+                turned = METHODS["turned"].solve(problem, options)
+                found[number] = replace(turned, why=_counted(problem.segments))
+            elif options.turn_angles is not None:
+                raise InputError("Turn angles were given, but the recording holds one pose only. Leave them out.")
+            elif options.deviation is not None:
+                mean = METHODS["mean"].solve(problem, Options())
+                found[number] = replace(mean, why="one pose, for the deviation curve")
+        left = [number for number in range(len(problems)) if number not in found]
+        solved = solve_each("posterior", [problems[number] for number in left], Options())
+        found |= dict(zip(left, solved, strict=True))
+        return [found[number] for number in range(len(problems))]
 
 
 def _counted(segments: Segments) -> str:

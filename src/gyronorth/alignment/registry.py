@@ -7,7 +7,7 @@ row of `gyronorth.catalogue.METHODS`, which says what is true of it. A method fr
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -203,9 +203,9 @@ def solve(name: str, problem: Problem, options: Options) -> Result:
 def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mask, Problem, Result]]:
     """Results of a batch, shape (n,), in groups: which recordings, their problem, and what was found.
 
-    Recordings that the method works at once are one group, and so are those that `solve_many` works side by side and
-    all of which have a claim to judge; each of the others is one of its own, solved as a single recording is. So a
-    batch and its recordings one by one give the same.
+    Recordings that the method works at once are one group, and so are those whose results, by one method and with a
+    claim to judge, can be judged as one; each of the others is one of its own. So a batch and its recordings one by one
+    give the same.
     """
     method, everything = check(name, problem, options), np.ones(problem.shape, dtype=bool)
     too_short = length_finding(problem.gyro_b.shape[-2], problem.duration)
@@ -213,15 +213,31 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
         return [(everything, problem, unknown(problem.mean, refusals=(too_short,)))]
     if METHODS.info(name).batched:
         return [(everything, problem, method.solve(problem, options))]
-    many = getattr(method, "solve_many", None)
-    if many is None or options.deviation is not None:
-        ones = [problem[index] for index in range(len(everything))]
+    _ = problem.motion  # worked out for all at once, and handed on
+    ones = [problem[index] for index in range(len(everything))]
+    if options.deviation is not None:
         results = [solve(name, one, options) for one in ones]
     else:
-        _ = problem.motion  # worked out for all at once, and handed on
-        ones = [problem[index] for index in range(len(everything))]
-        results = cast("list[Result]", many(ones, options))
-        if all(result.judged is not None and not result.refusals for result in results):
-            return [(everything, problem, together(results))]
-    places = np.arange(len(everything))
-    return [(places == place, one, result) for place, (one, result) in enumerate(zip(ones, results, strict=True))]
+        results = solve_each(name, ones, options)
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for place, result in enumerate(results):
+        alone = result.judged is None or bool(result.refusals)
+        groups.setdefault((place,) if alone else (result.method, *result.variance), []).append(place)
+    found: list[tuple[Mask, Problem, Result]] = []
+    for places in groups.values():
+        where = np.isin(np.arange(len(results)), places)
+        if len(places) == 1:
+            found.append((where, ones[places[0]], results[places[0]]))
+        else:
+            some = problem if where.all() else problem[where]
+            found.append((where, some, together([results[place] for place in places])))
+    return found
+
+
+def solve_each(name: str, problems: Sequence[Problem], options: Options) -> list[Result]:
+    """What a method finds of each of several recordings of one length, rate and place, side by side where it can."""
+    method = METHODS[name]
+    many = getattr(method, "solve_many", None)
+    if many is None:
+        return [method.solve(problem, options) for problem in problems]
+    return list(cast("Iterable[Result]", many(problems, options)))

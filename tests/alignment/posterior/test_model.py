@@ -10,7 +10,7 @@ from gyronorth.alignment.posterior.blocks import COUNT, blocks_of
 from gyronorth.alignment.posterior.explain import weigh
 from gyronorth.alignment.posterior.law import FINE, block_operators, law
 from gyronorth.alignment.posterior.model import posterior
-from gyronorth.alignment.posterior.tones import by_periodogram, explained_by, shows_tones
+from gyronorth.alignment.posterior.tones import by_periodogram, shows_tones, tone_fit
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.pipeline import heading
 from gyronorth.recording import Recording
@@ -54,7 +54,8 @@ def test_evidence_is_that_of_the_dense_gaussian(accel):
     known = law(seconds, sensor, known=True, accel=accel)
     rng, size = np.random.default_rng(3), 2 * COUNT if accel else COUNT
     rate, trace = rng.normal(0, 1e-6, (COUNT, 3)), rng.normal(0, 1e-5, (COUNT, 2)) if accel else None
-    log_h, info_h, rate_h, *_ = weigh(known, rate, trace)
+    seen = weigh(known, rate[None], None if trace is None else trace[None])
+    log_h, info_h, rate_h = seen[0][0], seen[1][0], seen[2][:, 0]
     seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
     both, fine = block_operators(seconds, accel=accel), np.arange(FINE * COUNT + 1)
     own = both @ NoiseLaw(sensor.gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
@@ -91,7 +92,8 @@ def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
     rng, rate_hz, white, frequency = np.random.default_rng(5), 2.4, 1e-6, 0.11
     samples = 10 * COUNT
     seen = rng.normal(0, 2e-6, (samples, 3))
-    one, none = (explained_by(seen, rate_hz, white, f, None, 0.0) for f in ((frequency,), ()))
+    fit = tone_fit(seen, rate_hz, white, np.array([0.31, frequency]), None)
+    one, none = fit.explained([1], 0.0), fit.explained([], 0.0)
     phase = 2 * np.pi * frequency * (np.arange(samples) + 0.5) / rate_hz
     from gyronorth.alignment.tones.search import TONE_RATE
 
@@ -110,7 +112,8 @@ def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
     noise = white**2 * rate_hz * np.eye(samples)
     centre, covariance, log_p = dense(noise + columns @ columns.T)
     np.testing.assert_allclose(one.rate_l, centre, rtol=1e-6, atol=1e-14)
-    np.testing.assert_allclose(one.covariance, covariance, rtol=1e-6, atol=1e-22)
+    whole = one.added @ one.added.T + white**2 * rate_hz / 10 * np.eye(COUNT)
+    np.testing.assert_allclose(whole, covariance, rtol=1e-6, atol=1e-22)
     assert one.log_weight - none.log_weight == pytest.approx(log_p - dense(noise)[2], rel=1e-6, abs=1e-4)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 
@@ -17,16 +18,19 @@ from gyronorth.alignment.error_budget import (
 from gyronorth.alignment.posterior.blocks import COUNT
 from gyronorth.alignment.posterior.law import TILT
 from gyronorth.alignment.posterior.model import Inferred, posterior
-from gyronorth.alignment.posterior.tones import Propose
+from gyronorth.alignment.posterior.tones import periodograms
 from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.registry import METHODS, Options
 from gyronorth.alignment.result import Attitude, Judged, Posterior, Result
 from gyronorth.alignment.rounding import rounding_bias
+from gyronorth.alignment.tones.side_by_side import Proposing
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.arrays import Array
 from gyronorth.catalogue import method_info
 from gyronorth.earth import EARTH_RATE
 from gyronorth.estimate import DisturbanceFound
 from gyronorth.findings import Finding
+from gyronorth.sensor import Sensor
 
 #: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
 TOLD_SCALE, TOLD = 2.0, 0.5
@@ -52,28 +56,46 @@ class PosteriorMethod:
         The mean answers where there is nothing to weigh: fewer samples than blocks, no noise at all, or a rate so far
         from Earth rate that it holds no heading.
         """
-        samples, size = problem.gyro_b.shape[-2], np.linalg.norm(problem.mean.rate_l)
-        unfit = {
-            f"fewer than {COUNT} samples": samples < COUNT,
-            "no noise": problem.motion.white < NOISELESS,
-            "rate far from Earth rate": not size < HOPELESS,
-        }
-        if any(unfit.values()):
-            reason = next(text for text, holds in unfit.items() if holds)
-            return replace(METHODS["mean"].solve(problem, Options()), why=f"one pose, {reason}")
-        problem, coarse = _rounded(problem)
-        accel_b = None if problem.accel_b is None else problem.accel_b[None]
-        found = posterior(
-            problem.gyro_b[None],
-            accel_b,
-            rate_hz=problem.rate_hz,
-            latitude=problem.latitude,
-            sensor=problem.sensor,
-            attitude=problem.attitude,
-            propose=_network,
-        )[0]
-        result = _result(problem, found)
-        return replace(result, findings=(*result.findings, *coarse))
+        return self.solve_many([problem], options)[0]
+
+    def solve_many(self, problems: Sequence[Problem], options: Options) -> list[Result]:
+        """The same of several recordings of one length, rate and place, side by side."""
+        found: dict[int, Result] = {}
+        rounded: dict[int, tuple[Problem, tuple[Finding, ...]]] = {}
+        alike: dict[tuple[Sensor | None, tuple[float, float] | None], list[int]] = {}
+        for number, problem in enumerate(problems):
+            reason = _unfit(problem)
+            if reason is not None:
+                found[number] = replace(METHODS["mean"].solve(problem, Options()), why=f"one pose, {reason}")
+                continue
+            problem, coarse = rounded[number] = _rounded(problem)
+            alike.setdefault((problem.sensor, problem.attitude), []).append(number)
+        for (sensor, attitude), numbers in alike.items():
+            first = problems[numbers[0]]
+            forces = [force for n in numbers if (force := problems[n].accel_b) is not None]
+            inferred = posterior(
+                np.stack([problems[n].gyro_b for n in numbers]),
+                np.stack(forces) if forces else None,
+                rate_hz=first.rate_hz,
+                latitude=first.latitude,
+                sensor=sensor,
+                attitude=attitude,
+                propose=_proposals,
+            )
+            for number, one in zip(numbers, inferred, strict=True):
+                problem, coarse = rounded[number]
+                result = _result(problem, one)
+                found[number] = replace(result, findings=(*result.findings, *coarse))
+        return [found[number] for number in range(len(problems))]
+
+
+def _unfit(problem: Problem) -> str | None:
+    """Why there is nothing to weigh, if so."""
+    if problem.gyro_b.shape[-2] < COUNT:
+        return f"fewer than {COUNT} samples"
+    if problem.motion.white < NOISELESS:
+        return "no noise"
+    return None if np.linalg.norm(problem.mean.rate_l) < HOPELESS else "rate far from Earth rate"
 
 
 def _rounded(problem: Problem) -> tuple[Problem, tuple[Finding, ...]]:
@@ -93,14 +115,14 @@ def _rounded(problem: Problem) -> tuple[Problem, tuple[Finding, ...]]:
     return problem, (told,)
 
 
-def _network() -> Propose | None:
-    """The proposals of the network that ships, where it can run."""
+def _proposals(asked: Sequence[Proposing]) -> Sequence[tuple[Array, Array]]:
+    """Those of the network that ships, where it can run; loaded for a recording that shows tones or bumps only."""
     if find_spec("onnxruntime") is None:
-        return None
-    from gyronorth.alignment.networks.runtime import bundle_of, onnx_proposals
+        return periodograms(asked)
+    from gyronorth.alignment.networks.runtime import bundle_of, side_by_side
 
     bundle = bundle_of("learned", None)
-    return None if bundle.proposal is None else onnx_proposals(bundle.proposal)
+    return periodograms(asked) if bundle.proposal is None else side_by_side(bundle.proposal)(asked)
 
 
 def _result(problem: Problem, found: Inferred) -> Result:

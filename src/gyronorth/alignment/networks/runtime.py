@@ -29,7 +29,7 @@ from gyronorth.alignment.networks.diffusion import Predict, denoise, white_noise
 from gyronorth.alignment.networks.network import Arrays, Network, Runner
 from gyronorth.alignment.result import Attitude, Result, unknown
 from gyronorth.alignment.tones.proposals import KEPT, Amortised, Propose, amortising
-from gyronorth.alignment.tones.side_by_side import Proposing, searched
+from gyronorth.alignment.tones.side_by_side import TOGETHER, Proposing, searched
 from gyronorth.angles import wrap_heading
 from gyronorth.conditioning import decimate
 from gyronorth.deviation import DeviationModel, deviation_of
@@ -39,8 +39,8 @@ from gyronorth.findings import Finding
 from gyronorth.sensor import TriadErrors
 from gyronorth.uncertainty import SIGMA_UNKNOWN
 
-#: Recordings that are searched side by side, and the log odds within which rounding could tip a proposal.
-TOGETHER, HANGS = 32, 1e-3
+#: Log odds within which rounding could tip a proposal.
+HANGS = 1e-3
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def blocks_of(
         roll, pitch = level(mean_of_rows(accel_b))
     turn = np.swapaxes(mat_lb(roll, pitch), -1, -2)
     size = n // COUNT
-    small = max(1, round(n * r / FINE)) if accel_b is not None else 1
+    small = max(1, round(n / FINE)) if accel_b is not None else 1
     small = small if size // small >= 4 else 1
     rate, step = (block_means(gyro_b, small) if small > 1 else gyro_b) @ turn, small / rate_hz
     white = density_at_short_lags(rate, step=step)

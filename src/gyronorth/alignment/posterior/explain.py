@@ -6,33 +6,30 @@ costs as much as all that changes slowly.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gyronorth.alignment.posterior.blocks import COUNT, Blocks
-from gyronorth.alignment.posterior.law import Axis, Law, fitted_law, law, law_of, noisier
+from gyronorth.alignment.posterior.law import Axis, Law, fitted_law, law, law_of
 from gyronorth.alignment.posterior.tones import (
     BUMP,
     LINED,
     TONES,
     Cleaned,
-    Propose,
     bumped_blocks,
-    by_periodogram,
-    cleaned,
+    cleaning,
     shows_tones,
     strongest,
 )
+from gyronorth.alignment.tones.side_by_side import Search
 from gyronorth.arrays import Array, Index
 from gyronorth.conditioning import block_means
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 
-#: Gives what proposes tones and bumps, where there is one: loaded only for a recording that shows any.
-Proposer = Callable[[], Propose | None]
 #: Lags, in blocks, at which the accelerometer's noise is read.
 FORCE_LAGS = (1, 3)
 #: Rate about the vertical of a unit that tilts, over that about the horizontal axes.
@@ -81,8 +78,8 @@ class Noise:
     log_prior: float
 
 
-def explanations(blocks: Blocks, index: int, sensor: Sensor, *, known: bool, propose: Proposer | None) -> list[Weighed]:
-    """Everything that may explain one recording's fast part, weighed with all that may change slowly.
+def explaining(blocks: Blocks, index: int, sensor: Sensor, *, known: bool) -> Search[list[Weighed]]:
+    """Everything that may explain one recording's fast part, weighed with all that may change slowly, for `searched`.
 
     `sensor` is the profile (`known`), or stands for one.
     """
@@ -93,41 +90,44 @@ def explanations(blocks: Blocks, index: int, sensor: Sensor, *, known: bool, pro
 
     def weighed(noise: Noise, more: float, **options: Any) -> Weighed:
         make = law_of if options.get("tones") else law
-        seen = weigh(
-            made := make(blocks.seconds, noise.sensor, known=known, accel=trace is not None, **options), rate, trace
-        )
+        made = make(blocks.seconds, noise.sensor, known=known, accel=trace is not None, **options)
+        seen = weigh(made, rate[None], None if trace is None else trace[None])
         masked_s = len(options.get("bumped", ())) * blocks.seconds
-        return Weighed(made, *seen, noise.log_prior + more, noise.white, len(options.get("tones", ())), masked_s)
+        return _weighed(made, seen, 0, noise, more, len(options.get("tones", ())), masked_s)
 
-    def refitted(noise: Noise, one: Cleaned) -> Weighed:
-        white = noise.sensor.gyro.white
-        more = one.covariance * (white / one.white) ** 2 - np.eye(COUNT) * white**2 / blocks.seconds
-        made = noisier(fitted_law(blocks.seconds, noise.sensor, known=known), more)
-        seen = weigh(made, one.rate_l, None)
-        seen[0][:, made.shapes.settles] += UNSTEADY
-        return Weighed(made, *seen, noise.log_prior + one.log_weight, noise.white, one.tones, one.bumped / rate_hz)
+    def refitted(ones: Sequence[Cleaned], settings: Sequence[Noise]) -> list[Weighed]:
+        found: list[Weighed] = []
+        for noise in settings if ones else ():
+            made = fitted_law(blocks.seconds, noise.sensor, known=known)
+            added = np.zeros((len(ones), COUNT, max(one.added.shape[1] for one in ones)))
+            for place, one in zip(added, ones, strict=True):
+                place[:, : one.added.shape[1]] = one.added * (noise.sensor.gyro.white / one.white)
+            seen = weigh(made, np.stack([one.rate_l for one in ones]), None, added)
+            seen[0][..., made.shapes.settles] += UNSTEADY
+            found += [
+                _weighed(made, seen, number, noise, one.log_weight, one.tones, one.bumped / rate_hz)
+                for number, one in enumerate(ones)
+            ]
+        return found
 
     settings = _settings(measured_white(blocks, index), sensor, trace, blocks.seconds, known=known)
     sways = shows_tones(fine, rate_hz=rate_hz, errors=sensor.gyro)
     if trace is None:
         explained: list[Cleaned] = []
         if sways:
-            explained = cleaned(
-                fine, (propose() if propose else None) or by_periodogram, rate_hz=rate_hz, errors=sensor.gyro
-            )
-            best = max(one.log_weight for one in explained)
-            explained = sorted(explained, key=lambda one: -one.log_weight)
-            explained = [one for one in explained if one.log_weight > best - NEAR]
+            explained = yield from _likely(fine, rate_hz=rate_hz, errors=sensor.gyro)
         plain = [one for one in explained if not (one.tones or one.bumped)]
-        found: list[Weighed] = []
-        if plain or not explained:
-            more = plain[0].log_weight if plain else 0.0
-            found += [weighed(noise, more) for noise in settings]
-        for one in explained:
-            if one.tones or one.bumped:
-                each = [refitted(noise, one) for noise in settings]
-                found += each
-                settings = [noise for _, noise in _best(each, settings)]
+        found = (
+            []
+            if explained and not plain
+            else [weighed(noise, plain[0].log_weight if plain else 0.0) for noise in settings]
+        )
+        others = [one for one in explained if one.tones or one.bumped]
+        # Where there are more settings, those that do best with the likeliest explanation weigh the others.
+        first = others if len(settings) <= SETTINGS else others[:1]
+        found += (tried := refitted(first, settings))
+        if len(first) < len(others):
+            found += refitted(others[1:], [noise for _, noise in _best(tried, settings)])
     else:
         found = [weighed(noise, 0.0) for noise in settings]
         kept = [noise for _, noise in _best(found, settings)]
@@ -141,6 +141,23 @@ def explanations(blocks: Blocks, index: int, sensor: Sensor, *, known: bool, pro
                 found.append(weighed(noise, len(hit) * chance, bumped=hit))
     ceiling = max(one.worth for one in found)
     return [one for one in found if one.worth > ceiling - FAR]
+
+
+def _likely(fine_l: Array, *, rate_hz: float, errors: TriadErrors) -> Search[list[Cleaned]]:
+    """Explanations of tones and bumps that are worth weighing, the likeliest first."""
+    found = yield from cleaning(fine_l, rate_hz=rate_hz, errors=errors)
+    found.sort(key=lambda one: -one.log_weight)
+    return [one for one in found if one.log_weight > found[0].log_weight - NEAR]
+
+
+def _weighed(
+    made: Law, seen: tuple[Array, ...], number: int, noise: Noise, more: float, tones: int, masked_s: float
+) -> Weighed:
+    """One of the explanations that were weighed together."""
+    log_h, info_h, rate_h, *vertical = seen
+    log_v, info_v, rate_v = (each[number] for each in vertical)
+    horizontal = log_h[number], info_h[number], rate_h[:, number]
+    return Weighed(made, *horizontal, log_v, info_v, rate_v, noise.log_prior + more, noise.white, tones, masked_s)
 
 
 def _best(found: list[Weighed], settings: list[Noise]) -> list[tuple[Weighed, Noise]]:
@@ -208,38 +225,79 @@ def _accels(sensor: Sensor, trace: Array, seconds: float) -> list[TriadErrors]:
     return list(found.values())
 
 
-def weigh(under: Law, rate: Array, trace: Array | None) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Log weights, information and estimates: horizontal (b, s) and (2, b, s), vertical (v, s) and (v, s)."""
-    seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
-    log_h, info_h, rate_h = _axes(under.horizontal, seen, under)
-    log_v, info_v, rate_v = _axes(under.vertical, rate[:, 2:], under, tilting=TWIST)
+def weigh(
+    under: Law, rate: Array, trace: Array | None, added: Array | None = None
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Log weights, information and estimates: horizontal (e, b, s) and (2, e, b, s), vertical (e, v, s) and (e, v, s).
+
+    Of block means (e, COUNT, 3) and (e, COUNT, 2), the former with more noise in every axis than the law has, of which
+    a root is `added`, (e, COUNT, r).
+    """
+    if added is None:
+        added = np.zeros((len(rate), COUNT, 0))
+    seen = rate[..., :2] if trace is None else np.concatenate([rate[..., :2], trace], axis=1)
+    log_h, info_h, rate_h = _axes(under.horizontal, seen, under, added)
+    log_v, info_v, rate_v = _axes(under.vertical, rate[..., 2:], under, added, tilting=TWIST)
     return log_h + under.log_prior[:, None], info_h, rate_h, log_v + under.yaw_log_prior[:, None], info_v, rate_v[0]
 
 
-def _axes(axis: Axis, seen: Array, under: Law, *, tilting: float = 1.0) -> tuple[Array, Array, Array]:
-    """Evidence of every base and shape over the axes `seen` (d, a): log weight, information, estimate (a, b, s)."""
-    shapes, axes = under.shapes, seen.shape[1]
-    white = axis.whiten @ seen  # (b, d, a)
-    across = np.swapaxes(white, 1, 2)  # (b, a, d)
-    u_y = (across @ axis.constant[:, :, None])[..., 0].T
-    c_y = np.swapaxes(across @ axis.columns, 0, 1)
-    y_y = np.sum(white**2, axis=(1, 2))
+def _axes(axis: Axis, seen: Array, under: Law, added: Array, *, tilting: float = 1.0) -> tuple[Array, Array, Array]:
+    """Evidence of every base and shape over the axes `seen` (e, d, a): log weight, information, estimate (a, e, b, s).
+
+    Unknowns are eliminated one after the other: the modes of a walk, then the noise F that is `added`, of which
+    (I + F F')^-1 = I - F (I + F'F)^-1 F' once whitened, then what is a shape of rank one, and the constant.
+    """
+    shapes, (e, d, axes), r = under.shapes, seen.shape, added.shape[2]
+    white = axis.whiten.reshape(-1, d) @ np.concatenate([_padded(added, d), seen], axis=2)
+    white = white.reshape(e, -1, d, r + axes)
+    with_known, own = (
+        axis.known @ white,
+        np.swapaxes(white, 2, 3) @ white,
+    )  # (e, b, 1 + c + m, r + a), (e, b, r + a, r + a)
+    columns = slice(1, 1 + axis.cross.shape[1])
+    # Without a walk, then with each: what is left of the products, (w, e, b, ...).
+    scale = np.concatenate([[0.0], shapes.size[shapes.walks] ** 2])
+    gain = (scale / (1 + scale * axis.walk_square[..., None])).transpose(2, 0, 1)[:, None]  # (w, 1, b, m)
+    walk = with_known[:, :, columns.stop :]
+    scaled = gain[..., None] * walk
+    left = own - np.swapaxes(walk, 2, 3) @ scaled
+    of_one = with_known[:, :, 0] - (axis.walk_cross[:, None] @ scaled)[..., 0, :]
+    information = (axis.information - np.sum(gain * axis.walk_cross**2, axis=-1)) + np.zeros((1, e, 1))
+    log_det = np.sum(np.log1p(scale[:, None, None] * axis.walk_square), axis=-1)[:, None] + np.zeros((1, e, 1))
+    projected, square = of_one[..., r:], np.trace(left[..., r:, r:], axis1=-2, axis2=-1)
+    cross, of_columns, squares = axis.cross, with_known[:, :, columns, r:], axis.square
+    if r:
+        lower = np.linalg.cholesky(left[..., :r, :r] + np.eye(r))
+        root: Array = np.asarray(np.linalg.inv(lower), dtype=float)
+        one, these = (root @ of_one[..., :r, None])[..., 0], root @ left[..., :r, r:]
+        shaped = root[0] @ np.swapaxes(with_known[:, :, columns, :r], 2, 3)
+        information = information - np.sum(one**2, axis=-1)
+        projected = projected - (one[..., None, :] @ these)[..., 0, :]
+        square = square - np.sum(these**2, axis=(-2, -1))
+        log_det = log_det + 2 * np.sum(np.log(np.diagonal(lower, axis1=-2, axis2=-1)), axis=-1)
+        cross = cross - (one[0][..., None, :] @ shaped)[..., 0, :]
+        of_columns = of_columns - np.swapaxes(shaped, 2, 3) @ these[0]
+        squares = squares - np.sum(shaped**2, axis=2)
     # What is no rank-one shape has size 0 here.
     column: Index = np.maximum(shapes.column, 0)
-    size = np.where(shapes.column >= 0, shapes.size * np.where(shapes.tilts, tilting, 1.0), 0.0)
-    pivot = 1 + size**2 * axis.square[:, column]
-    gain, cross = size**2 / pivot, axis.cross[:, column]
-    information = axis.information[:, None] - gain * cross**2
-    projected = u_y[:, :, None] - gain * cross * c_y[:, :, column]
-    residual = y_y[:, None] - gain * np.sum(c_y**2, axis=0)[:, column]
-    log_det = np.log(pivot)
-    m_y, scale = np.swapaxes(axis.walk, 1, 2) @ white, shapes.size[shapes.walks, None, None] ** 2
-    gain = scale / (1 + scale * axis.walk_square)  # (w, b, m)
-    information[:, shapes.walks] -= np.sum(gain * axis.walk_cross**2, axis=2).T
-    projected[:, :, shapes.walks] -= np.swapaxes(((gain * axis.walk_cross)[:, :, None] @ m_y)[:, :, 0], 0, 2)
-    residual[:, shapes.walks] -= np.sum(gain * np.sum(m_y**2, axis=2), axis=2).T
-    log_det[:, shapes.walks] = np.sum(np.log1p(scale * axis.walk_square), axis=2).T
-    estimate = projected / information
-    residual = residual - np.sum(projected * estimate, axis=0)
-    log_weight = -axes * (axis.half_log_det[:, None] + 0.5 * log_det + 0.5 * np.log(information)) - 0.5 * residual
-    return log_weight, information, estimate
+    size = np.where(shapes.column >= 0, shapes.size * np.where(shapes.tilts, tilting, 1.0), 0.0) ** 2
+    pivot = 1 + size * squares[..., column]
+    gain = size / pivot
+    crossed = cross[..., column]
+    pulled = gain * crossed
+    found = information[0][..., None] - pulled * crossed
+    residual = square[0][..., None] - gain * np.sum(of_columns**2, axis=-1)[..., column]
+    each = projected[0].transpose(2, 0, 1)[..., None] - pulled * of_columns.transpose(3, 0, 1, 2)[..., column]
+    half_log_det = axis.half_log_det[:, None] + 0.5 * (log_det[0][..., None] + np.log(pivot))
+    found[..., shapes.walks] = np.moveaxis(information[1:], 0, -1)
+    residual[..., shapes.walks] = np.moveaxis(square[1:], 0, -1)
+    each[..., shapes.walks] = projected[1:].transpose(3, 1, 2, 0)
+    half_log_det[..., shapes.walks] = axis.half_log_det[:, None] + 0.5 * np.moveaxis(log_det[1:], 0, -1)
+    estimate = each / found
+    residual -= np.sum(each * estimate, axis=0)
+    return -axes * (half_log_det + 0.5 * np.log(found)) - 0.5 * residual, found, estimate
+
+
+def _padded(added: Array, d: int) -> Array:
+    """Columns (e, COUNT, r) of the rate as those of rate and trace (e, d, r), of which only the former is noisier."""
+    return np.concatenate([added, np.zeros((len(added), d - COUNT, added.shape[2]))], axis=1)

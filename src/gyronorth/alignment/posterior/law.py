@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gyronorth.alignment.posterior.blocks import COUNT
 from gyronorth.alignment.posterior.force import FORCE, force_noise, forces_of
@@ -76,7 +77,7 @@ class Shapes:
     size: Array  # (s,) amplitude, one standard deviation
     tilts: Mask  # (s,) whether it is a tilt: horizontal axes only
     log_prior: Array  # (s,)
-    kind: tuple[str, ...]  # (s,)
+    kind: NDArray[np.str_]  # (s,)
 
     @cached_property
     def settles(self) -> Mask:
@@ -90,7 +91,7 @@ class Shapes:
 
     def of(self, kind: str) -> Mask:
         """Where it is of one kind."""
-        return np.array([one == kind for one in self.kind])
+        return self.kind == kind
 
     @cached_property
     def lasting(self) -> Array:
@@ -104,12 +105,10 @@ class Axis:
     """Whitened bases of one kind of axis."""
 
     whiten: Array  # (b, d, d) root of the inverse covariance
-    constant: Array  # (b, d) whitened
-    columns: Array  # (b, d, c) whitened
+    known: Array  # (b, 1 + c + m, d) whitened: the constant, columns, and modes of a walk, turned until orthogonal
     information: Array  # (b,) of the constant
     cross: Array  # (b, c) constant by column
     square: Array  # (b, c) columns by themselves
-    walk: Array  # (b, d, m) whitened modes of a walk, turned until they are orthogonal
     walk_cross: Array  # (b, m) constant by mode
     walk_square: Array  # (b, m) modes by themselves
     half_log_det: Array  # (b,) log of the determinant of the root of the covariance
@@ -144,7 +143,7 @@ def law(seconds: float, sensor: Sensor, *, known: bool, accel: bool, bumped: tup
 
 @lru_cache(maxsize=KEPT)
 def fitted_law(seconds: float, sensor: Sensor, *, known: bool) -> Law:
-    """The law of block means without forces from which tones or bumps were taken; see `noisier` for what that adds."""
+    """The law of block means without forces from which tones or bumps were taken, but for the noise that this adds."""
     return law_of(seconds, sensor, known=known, accel=False, fitted=True)
 
 
@@ -390,7 +389,7 @@ def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
         np.array(size),
         np.array(tilts),
         np.array(prior),
-        tuple(kind),
+        np.array(kind),
     )
 
 
@@ -428,55 +427,19 @@ def _axis(
     if trace is not None:
         whiten[:, :COUNT, COUNT:] = -own @ beside[drift]
     half_log_det = log_det[drift] + np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-    return _whitened(whiten, whiten @ constant, whiten @ columns, whiten @ modes, half_log_det)
-
-
-def _whitened(whiten: Array, one: Array, shaped: Array, modes: Array, half_log_det: Array) -> Axis:
+    one, shaped, modes = whiten @ constant, whiten @ columns, whiten @ modes
     square, turn = np.linalg.eigh(np.swapaxes(modes, 1, 2) @ modes)
-    walk = modes @ turn
+    modes = modes @ turn
     return Axis(
         whiten=whiten,
-        constant=one,
-        columns=shaped,
+        known=np.concatenate([one[:, None], np.swapaxes(shaped, 1, 2), np.swapaxes(modes, 1, 2)], axis=1),
         information=np.sum(one**2, axis=1),
         cross=(one[:, None, :] @ shaped)[:, 0],
         square=np.sum(shaped**2, axis=1),
-        walk=walk,
-        walk_cross=(one[:, None, :] @ walk)[:, 0],
+        walk_cross=(one[:, None, :] @ modes)[:, 0],
         walk_square=square,
         half_log_det=half_log_det,
     )
-
-
-def noisier(under: Law, covariance: Array) -> Law:
-    """The law of the same without forces, with more noise in the block means of every axis, (COUNT, COUNT).
-
-    Tones and bumps that were fitted add noise of low rank, F F' once whitened, to a law that is at hand:
-    (I + F F')^(-1/2) = I - F D F' with D = 1 / (r (1 + r)), r^2 = 1 + F'F, where the columns of F are orthogonal.
-    """
-    size, column = np.linalg.eigh(covariance)
-    some = size > 1e-12 * size[-1]
-    both = [under.horizontal, under.vertical]
-    whiten, one, shaped, modes, log_det = (
-        np.concatenate([getattr(axis, name) for axis in both])
-        for name in ("whiten", "constant", "columns", "walk", "half_log_det")
-    )
-    seen = whiten @ (column[:, some] * np.sqrt(size[some]))
-    size, turn = np.linalg.eigh(np.swapaxes(seen, 1, 2) @ seen)
-    seen, root = seen @ turn, np.sqrt(1 + np.maximum(size, 0.0))
-    less, seen = seen / (root * (1 + root))[:, None, :], np.swapaxes(seen, 1, 2)
-    made = _whitened(
-        whiten - less @ (seen @ whiten),
-        one - (less @ (seen @ one[:, :, None]))[:, :, 0],
-        shaped - less @ (seen @ shaped),
-        modes - less @ (seen @ modes),
-        log_det + np.sum(np.log(root), axis=1),
-    )
-    first = len(under.drift)
-    horizontal, vertical = (
-        Axis(**{name: each[part] for name, each in vars(made).items()}) for part in (slice(first), slice(first, None))
-    )
-    return replace(under, horizontal=horizontal, vertical=vertical)
 
 
 def unit_bias(sensor: Sensor) -> float:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from gyronorth.alignment.posterior.blocks import Blocks, blocks_of
 from gyronorth.alignment.posterior.density import Density, log_i0e, mixture
-from gyronorth.alignment.posterior.explain import FAR, Proposer, Weighed, explanations, measured_white
+from gyronorth.alignment.posterior.explain import FAR, Weighed, explaining, measured_white
 from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, unit_bias
+from gyronorth.alignment.posterior.tones import periodograms
+from gyronorth.alignment.tones.side_by_side import TOGETHER, ProposeMany, Search, searched
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index
 from gyronorth.attitude import heading_of_rate
@@ -66,14 +67,23 @@ def posterior(
     latitude: float,
     sensor: Sensor | None,
     attitude: tuple[float, float] | None = None,
-    propose: Proposer | None = None,
+    propose: ProposeMany | None = None,
 ) -> list[Inferred]:
-    """Posterior of each of the recordings (r, n, 3)."""
-    blocks = blocks_of(gyro_b, accel_b, rate_hz=rate_hz, attitude=attitude)
-    return [
-        _one(blocks, index, latitude, sensor, propose, known_attitude=attitude is not None)
-        for index in range(len(gyro_b))
-    ]
+    """Posterior of each of the recordings (r, n, 3), side by side.
+
+    `propose` says where tones and bumps may be, a periodogram without it.
+    """
+    found: list[Inferred] = []
+    for start in range(0, len(gyro_b), TOGETHER):
+        some = slice(start, start + TOGETHER)
+        accel = None if accel_b is None else accel_b[some]
+        blocks = blocks_of(gyro_b[some], accel, rate_hz=rate_hz, attitude=attitude)
+        searches = [
+            _inferring(blocks, index, latitude, sensor, known_attitude=attitude is not None)
+            for index in range(len(blocks.rate_l))
+        ]
+        found += searched(searches, propose or periodograms)
+    return found
 
 
 @dataclass(frozen=True)
@@ -100,11 +110,10 @@ def scales_of(sensor: Sensor | None, white: float) -> Scales:
 
 
 @dataclass(frozen=True)
-class Piece:
-    """Some hypotheses of one `Weighed`, each with all scales of the bias."""
+class Hypotheses:
+    """Some hypotheses of one recording, each with all scales of the bias."""
 
-    number: int
-    base: Index  # (h,)
+    base: Index  # (h,) number among those of all `Weighed`, one after the other
     shape: Index  # (h,)
     log_weight: Array  # (h, k)
     concentration: Array  # (h, k)
@@ -112,17 +121,11 @@ class Piece:
     info: Array  # (h,)
 
 
-def _one(
-    blocks: Blocks,
-    index: int,
-    latitude: float,
-    sensor: Sensor | None,
-    propose: Proposer | None,
-    *,
-    known_attitude: bool,
-) -> Inferred:
+def _inferring(
+    blocks: Blocks, index: int, latitude: float, sensor: Sensor | None, *, known_attitude: bool
+) -> Search[Inferred]:
     scales = scales_of(sensor, measured_white(blocks, index))
-    found = explanations(blocks, index, scales.sensor, known=scales.known, propose=propose)
+    found = yield from explaining(blocks, index, scales.sensor, known=scales.known)
     return _conclude(found, blocks, index, latitude, scales, known_attitude=known_attitude)
 
 
@@ -151,134 +154,115 @@ def _conclude(
         + sensor.accel.misalignment**2
     )
     tilted = (EARTH_RATE * np.sin(latitude)) ** 2 + (north * np.tan(blocks.pitch[index])) ** 2
-    levels = [(lean + FORCE_MEAN * one.law.force**2) * (0.0 if known_attitude else tilted) for one in found]
     bias, prior = scales.biases**2, scales.log_prior
-    uprights: list[Array] = []
-    bounds: list[Array] = []
-    yaws: list[Array] = []
-    for one, level in zip(found, levels, strict=True):
-        # The vertical, summed over its yaw: (drifts, shapes, biases).
-        known, variance = one.law, 1 / one.info_v[:, :, None] + bias + constant
-        each = (one.rate_v[:, :, None] - down) ** 2 / variance
-        each += np.log(variance, out=variance)
-        each *= -0.5
-        each += one.log_v[:, :, None]
-        top = each.max(axis=0, keepdims=True)
-        each -= top
-        yaws.append(np.exp(each, out=each))
-        upright = np.add.reduceat(each, np.searchsorted(known.yaw_drift, np.arange(len(DRIFTS))), axis=0)
-        upright = (
-            np.log(np.maximum(upright, np.finfo(float).tiny))
-            + top
-            + prior[:, None, :]
-            + known.shapes.log_prior[:, None]
-        )
-        uprights.append(upright)
-        least = 1 / one.info_h + bias.min() + constant + level[:, None]
-        bounds.append(upright.max(axis=2)[known.drift] + one.log_h - np.log(least) + one.log_prior)
-    flat = np.concatenate([bound.ravel() for bound in bounds])
-    first = np.cumsum([0, *(bound.size for bound in bounds)])
+    beside = bias + constant
+    # The vertical, summed over its yaw: (drifts of each, shapes, biases).
+    upright = np.concatenate([_vertical(one, down, beside, prior) for one in found])
+    # The bases of all, one after the other.
+    owner = np.repeat(np.arange(len(found)), [len(one.law.drift) for one in found])
+    drift, sway, creep, force = (
+        np.concatenate([getattr(one.law, name) for one in found]) for name in ("drift", "sway", "creep", "force")
+    )
+    level = np.zeros(len(force)) if known_attitude else (lean + FORCE_MEAN * force**2) * tilted
+    log_h = np.concatenate([one.log_h + one.log_prior for one in found])
+    info_h = np.concatenate([one.info_h for one in found])
+    rate_h = np.concatenate([one.rate_h for one in found], axis=1)
+    drift_of_one = owner * len(DRIFTS) + drift
+    bound = upright.max(axis=2)[drift_of_one] + log_h
+    bound -= np.log(1 / info_h + beside.min() + level[:, None])
 
-    def weighed(some: Index) -> Iterator[Piece]:
-        for number, one in enumerate(found):
-            here = some[(some >= first[number]) & (some < first[number + 1])] - first[number]
-            b, s = np.divmod(here, one.info_h.shape[1])
-            rate, info = one.rate_h[:, b, s], one.info_h[b, s]
-            size = np.hypot(rate[0], rate[1])[:, None]
-            var = 1 / info[:, None] + bias + constant + levels[number][b, None]  # (h, k)
-            c = size * north / var
-            log_w = one.log_h[b, s, None] + uprights[number][one.law.drift[b], s] + one.log_prior
-            log_w += log_i0e(c)
-            log_w -= (size - north) ** 2 / 2 / var
-            log_w -= np.log(var, out=var)
-            yield Piece(number, b, s, log_w, c, rate, info)
+    def weighed(some: Index) -> Hypotheses:
+        b, s = np.divmod(some, info_h.shape[1])
+        rate, info = rate_h[:, b, s], info_h[b, s]
+        size = np.hypot(rate[0], rate[1])[:, None]
+        var = (1 / info + level[b])[:, None] + beside  # (h, k)
+        c = size * north / var
+        log_w = upright[drift_of_one[b], s] + log_h[b, s, None]
+        log_w += log_i0e(c)
+        log_w -= (size - north) ** 2 / 2 / var
+        log_w -= np.log(var, out=var)
+        return Hypotheses(b, s, log_w, c, rate, info)
 
-    few = np.argpartition(-flat, min(FEW, len(flat) - 1))[:FEW]
-    ceiling = max(float(piece.log_weight.max(initial=-np.inf)) for piece in weighed(few))
-    pieces = list(weighed(np.flatnonzero(flat > ceiling - FAR)))
-    ceiling = max(float(piece.log_weight.max(initial=-np.inf)) for piece in pieces)
-    rate_z, variance_z = _upright(pieces, found, yaws)
+    few = np.argpartition(-bound.ravel(), min(FEW, bound.size - 1))[:FEW]
+    ceiling = float(weighed(few).log_weight.max())
+    every = weighed(np.flatnonzero(bound > ceiling - FAR))
+    ceiling = float(every.log_weight.max())
+    h, k = np.unravel_index(np.argmax(every.log_weight), every.log_weight.shape)
+    best, which = int(every.base[h]), int(every.shape[h])
+    rate_z, variance_z = _upright(found[int(owner[best])], int(drift[best]), which, float(beside[k]), down)
     if np.sqrt(variance_z) > HIDDEN:
         variance_z = EARTH_RATE**2
-    weight: list[Array] = []
-    centre: list[Array] = []
-    kappa: list[Array] = []
-    told: Array = np.zeros(18)
-    large = scales.biases > BEYOND * unit_bias(sensor)
-    for piece in pieces:
-        one = found[piece.number]
-        known, b, s, rate, near = one.law, piece.base, piece.shape, piece.rate, piece.log_weight > ceiling - FAR
-        w = np.where(near, np.exp(piece.log_weight - ceiling), 0.0)
-        weight.append(w[near])
-        centre.append(np.repeat(heading_of_rate(rate.T), np.count_nonzero(near, axis=1)))
-        kappa.append(piece.concentration[near])
-        # Sums of what depends on hypothesis and scale of the bias, then of what depends on the hypothesis alone.
-        each, scaled, shapes = w.sum(axis=1), w.sum(axis=0), known.shapes
-        lasting = np.log(np.hypot(scales.biases, shapes.lasting[:, None]) / unit_bias(sensor))
-        faulty = (shapes.settles & (shapes.size > 1.3 * BEYOND * known.bias))[s]
-        by_base = np.bincount(b, each, minlength=len(known.drift))
-        by_shape = np.bincount(s, each, minlength=len(shapes.size))
-        total = float(each.sum())
-        beyond = each @ faulty + (scaled - w[faulty].sum(axis=0)) @ large
-        own: list[float] = [
-            float(np.sum(w * lasting[s])),
-            float(by_base @ np.log(np.array(DRIFTS))[known.drift]),
-            total * float(np.log(one.white)),
-            float(by_base @ (known.sway > 0)),
-            float(each @ (known.creep[b] | shapes.of("tilt")[s])),
-            *(float(by_shape @ shapes.of(kind)) for kind in ("settling", "walk")),
-            float(by_base @ (known.force > 0)),
-            *map(float, rate @ each),
-            float(scaled @ bias) + total * constant,
-            float(each @ (1 / piece.info)),
-            *map(float, rate**2 @ each),
-            float(by_base @ levels[piece.number]),
-            total * one.tones,
-            total * one.masked_s,
-            float(beyond),
-        ]
-        told = told + np.array(own)
-    w = np.concatenate(weight)
-    told /= w.sum()
+    near, b, s = every.log_weight > ceiling - FAR, every.base, every.shape
+    w = np.where(near, np.exp(every.log_weight - ceiling), 0.0)
     w /= w.sum()
-    density = mixture(np.concatenate(centre), np.concatenate(kappa), w)
-    x, y, constant_variance, noise_variance, x_square, y_square, levelling = map(float, told[8:15])
-    spread = max((x_square + y_square - x**2 - y**2) / 2, 0.0)
+    # Expectations of what depends on hypothesis and scale of the bias, then of what depends on the hypothesis alone.
+    each, scaled, shapes, unit = w.sum(axis=1), w.sum(axis=0), [one.law.shapes for one in found], unit_bias(sensor)
+    lasting = np.log(np.hypot(scales.biases, np.stack([one.lasting for one in shapes])[:, :, None]) / unit)
+    faulty = np.stack([one.law.shapes.settles & (one.law.shapes.size > 1.3 * BEYOND * one.law.bias) for one in found])
+    faulty, large = faulty[owner[b], s], scales.biases > BEYOND * unit
+    by_base, by_shape = np.bincount(b, each, minlength=len(drift)), np.bincount(s, each, minlength=info_h.shape[1])
+    by_one = np.bincount(owner, by_base)
+    x, y = map(float, every.rate @ each)
+    spread = max((float(np.sum(every.rate**2 @ each)) - x**2 - y**2) / 2, 0.0)
+    constant_variance, noise_variance = float(scaled @ bias) + constant, float(each @ (1 / every.info))
+    levelling = float(by_base @ level)
+    bias_scale = float(np.exp(np.sum(w * lasting[owner[b], s])))
+    drift_scale = float(np.exp(by_base @ np.log(np.array(DRIFTS))[drift]))
+    white_scale = float(np.exp(by_one @ np.log([one.white for one in found])))
+    centre = np.repeat(heading_of_rate(every.rate.T), np.count_nonzero(near, axis=1))
+    density = mixture(centre, every.concentration[near], w[near])
     claimed = NoiseLaw(sensor.gyro).mean_variance(blocks.duration)
-    noise = float(claimed["noise"] * np.exp(2 * told[2]))
-    drift = float(claimed["drift"] * np.exp(2 * told[1]))
     return Inferred(
         density=density,
         rate_l=np.array([x, y, rate_z]),
-        scale=float(np.exp(told[0])),
-        drift_scale=float(np.exp(told[1])),
-        white_scale=float(np.exp(told[2])),
-        probability=dict(zip(("sway", "tilt", "settling", "walk", "force"), map(float, told[3:8]), strict=True)),
+        scale=bias_scale,
+        drift_scale=drift_scale,
+        white_scale=white_scale,
+        probability={
+            "sway": float(by_base @ (sway > 0)),
+            "tilt": float(each @ (creep[b] | shapes[0].of("tilt")[s])),
+            **{kind: float(by_shape @ shapes[0].of(kind)) for kind in ("settling", "walk")},
+            "force": float(by_base @ (force > 0)),
+        },
         variance={
-            "noise": noise,
-            "drift": drift,
+            "noise": float(claimed["noise"]) * white_scale**2,
+            "drift": float(claimed["drift"]) * drift_scale**2,
             "turn_on_bias": constant_variance,
             "levelling": levelling,
         },
         rate_variance=constant_variance + noise_variance + spread + levelling,
         vertical_variance=constant_variance + variance_z,
-        tones=float(told[15]),
-        masked_s=float(told[16]),
-        beyond=float(told[17]) if scales.known else 0.0,
+        tones=float(by_one @ np.array([one.tones for one in found])),
+        masked_s=float(by_one @ np.array([one.masked_s for one in found])),
+        beyond=float(each @ faulty + (scaled - w[faulty].sum(axis=0)) @ large) if scales.known else 0.0,
         mean_l=blocks.rate_l[index].mean(axis=0),
         roll=float(blocks.roll[index]),
         pitch=float(blocks.pitch[index]),
     )
 
 
-def _upright(pieces: list[Piece], found: list[Weighed], yaws: list[Array]) -> tuple[float, float]:
-    """Vertical rate, rad/s, and its variance without the bias, under the likeliest hypothesis."""
-    best = max(pieces, key=lambda piece: float(piece.log_weight.max(initial=-np.inf)))
-    h, k = np.unravel_index(np.argmax(best.log_weight), best.log_weight.shape)
-    one, shape = found[best.number], best.shape[h]
-    yaw = np.flatnonzero(one.law.yaw_drift == one.law.drift[best.base[h]])
-    weight = yaws[best.number][yaw, shape, k]
-    weight = weight / max(float(weight.sum()), np.finfo(float).tiny)
-    rate = one.rate_v[yaw, shape]
+def _vertical(one: Weighed, down: float, beside: Array, prior: Array) -> Array:
+    """Log weight of the vertical of one `Weighed`, summed over its yaw: (drifts, shapes, biases)."""
+    variance = 1 / one.info_v[:, :, None] + beside
+    each = (one.rate_v[:, :, None] - down) ** 2 / variance
+    each += np.log(variance, out=variance)
+    each *= -0.5
+    each += one.log_v[:, :, None]
+    top = each.max(axis=0)
+    each -= top
+    total = np.add.reduceat(np.exp(each, out=each), np.searchsorted(one.law.yaw_drift, np.arange(len(DRIFTS))), axis=0)
+    total = np.log(np.maximum(total, np.finfo(float).tiny, out=total), out=total)
+    total += top + one.law.shapes.log_prior[:, None]
+    total += prior[:, None, :]
+    return total
+
+
+def _upright(one: Weighed, drift: int, shape: int, beside: float, down: float) -> tuple[float, float]:
+    """Vertical rate, rad/s, and its variance without the bias, under one hypothesis."""
+    yaw = np.flatnonzero(one.law.yaw_drift == drift)
+    rate, variance = one.rate_v[yaw, shape], 1 / one.info_v[yaw, shape]
+    log_weight = one.log_v[yaw, shape] - 0.5 * ((rate - down) ** 2 / (variance + beside) + np.log(variance + beside))
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
     mean = float(weight @ rate)
-    return mean, float(weight @ (1 / one.info_v[yaw, shape] + (rate - mean) ** 2))
+    return mean, float(weight @ (variance + (rate - mean) ** 2))

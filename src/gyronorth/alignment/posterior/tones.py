@@ -7,20 +7,19 @@ and what the explanation as a whole is worth. The search is that of `tones.propo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.alignment.posterior.blocks import COUNT
-from gyronorth.alignment.tones.proposals import explored
+from gyronorth.alignment.tones.proposals import exploring
 from gyronorth.alignment.tones.search import TONE_RATE, white_of
+from gyronorth.alignment.tones.side_by_side import Proposing, Search
 from gyronorth.arrays import Array, Mask
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
-
-Propose = Callable[[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]], tuple[Array, Array]]
 
 #: Probability of no, one and two tones, and of a bump in 100 s.
 TONES, BUMP = (0.66, 0.16, 0.18), 0.1
@@ -46,7 +45,7 @@ class Cleaned:
     """Block means of one recording under one explanation of its fast part."""
 
     rate_l: Array  # (COUNT, 3) rad/s
-    covariance: Array  # (COUNT, COUNT) of their white noise, one axis
+    added: Array  # (COUNT, r) root of their covariance beyond that of white noise, one axis, rad/s
     log_weight: float  # prior and likelihood of the explanation, over that of no tones and bumps
     white: float  # noise density at the rate of the samples, rad/sqrt(s)
     tones: int
@@ -89,6 +88,11 @@ def by_periodogram(
     power = np.asarray(np.sum((np.cos(phase) @ tapered) ** 2 + (np.sin(phase) @ tapered) ** 2, axis=1), dtype=float)
     peak = np.r_[True, power[1:] > power[:-1]] & np.r_[power[:-1] >= power[1:], True]
     return odds, np.where(peak, power, 1e-6 * power)
+
+
+def periodograms(asked: Sequence[Proposing]) -> list[tuple[Array, Array]]:
+    """The same of several recordings, for `searched`."""
+    return [by_periodogram(one.rate, one.index, one.cycles) for one in asked]
 
 
 def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
@@ -149,67 +153,86 @@ def _solved(columns: Array, seen: Array) -> Array:
     return np.asarray(np.linalg.lstsq(columns, seen, rcond=1e-6)[0], dtype=float)
 
 
-def cleaned(fine_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors) -> list[Cleaned]:
-    """Explanations of one recording (q COUNT, 3), the first that without tones and bumps."""
+def cleaning(fine_l: Array, *, rate_hz: float, errors: TriadErrors) -> Search[list[Cleaned]]:
+    """Explanations of one recording (q COUNT, 3), the first that without tones and bumps; a search of `searched`."""
     white = white_of(fine_l) / np.sqrt(rate_hz)
-    plain = explained_by(fine_l, rate_hz, white, (), None, 0.0)
     if len(fine_l) < FEWEST:
-        return [plain]
+        return [replace(tone_fit(fine_l, rate_hz, white, np.zeros(0), None).explained((), 0.0), log_weight=0.0)]
     # In steps of a quarter octave, so that recordings of one unit share the factors of a law.
     louder = 2 ** max(round(4 * np.log2(white / errors.white)) / 4, 0.0) if errors.white > 0 else 1.0
     seeking = replace(errors, white=louder * errors.white or white, quantisation=0.0)
-    looked = explored(fine_l, propose, rate_hz=rate_hz, errors=seeking)
-    lines, masked, models = looked.lines, looked.masked, looked.models
-    share = models.posterior.sum(axis=0)
-    found: list[Cleaned] = []
+    looked = yield from exploring(fine_l, rate_hz=rate_hz, errors=seeking)
+    models, masked, share = looked.models, looked.masked, looked.models.posterior.sum(axis=0)
     bumps = np.count_nonzero(np.diff(masked.astype(int), prepend=0) > 0)
-    chance = BUMP * len(fine_l) / rate_hz / 100 / len(fine_l)
-    for number in np.argsort(-share)[:KEPT]:
-        if share[number] < LEAST * share.max():
-            break
-        chosen = [t for t in (models.first[number], models.second[number]) if t >= 0]
-        prior = np.log(TONES[len(chosen)]) + sum(lines.log_prior[t] for t in chosen) + np.log(max(len(chosen), 1))
-        frequencies = tuple(float(lines.frequency[t]) for t in chosen)
-        for mask in (None, masked) if bumps else (None,):
-            if not chosen and mask is None:
-                continue
-            each = prior + (0.0 if mask is None else bumps * np.log(chance))
-            found.append(explained_by(fine_l, rate_hz, white, frequencies, mask, each))
-    if bumps and not any(one.tones == 0 for one in found):
-        found.append(explained_by(fine_l, rate_hz, white, (), masked, np.log(TONES[0]) + bumps * np.log(chance)))
-    found = [replace(plain, log_weight=plain.log_weight + np.log(TONES[0])), *found]
-    return [replace(one, log_weight=one.log_weight - plain.log_weight) for one in found]
+    chance = bumps * float(np.log(BUMP / rate_hz / 100))
+    likely = [n for n in np.argsort(-share)[:KEPT] if share[n] >= LEAST * share.max()]
+    chosen = [tuple(int(t) for t in (models.first[n], models.second[n]) if t >= 0) for n in likely]
+    used = sorted({t for some in chosen for t in some})
+    frequencies = looked.lines.frequency[used]
+    sides = [(tone_fit(fine_l, rate_hz, white, frequencies, None), 0.0)]
+    if bumps:
+        sides.append((tone_fit(fine_l, rate_hz, white, frequencies, masked), chance))
+    plain = sides[0][0].explained((), float(np.log(TONES[0])))
+    found = [plain]
+    for some in chosen:
+        prior = np.log(TONES[len(some)]) + looked.lines.log_prior[list(some)].sum() + np.log(max(len(some), 1))
+        found += [
+            one.explained([used.index(t) for t in some], prior + more) for one, more in sides if some or one.bumped
+        ]
+    if bumps and () not in chosen:
+        found.append(sides[1][0].explained((), float(np.log(TONES[0])) + chance))
+    base = plain.log_weight - float(np.log(TONES[0]))
+    return [replace(one, log_weight=one.log_weight - base) for one in found]
 
 
-def explained_by(
-    fine_l: Array, rate_hz: float, white: float, frequencies: tuple[float, ...], masked: Mask | None, log_prior: float
-) -> Cleaned:
-    """The level rate (n, 3), rad/s, with tones of the given frequencies, Hz, fitted and taken out."""
-    n = len(fine_l)
-    variance = np.full(n, white**2 * rate_hz)
-    if masked is not None:
-        variance[masked] += BUMP_RATE**2
-    size = n // COUNT
-    seen = fine_l / np.sqrt(variance)[:, None]
-    information = np.diag((1 / variance).reshape(COUNT, size).sum(axis=1))
-    product = (fine_l / variance[:, None]).reshape(COUNT, size, 3).sum(axis=1)
-    square, log_det = float(np.sum(seen**2)), float(np.sum(np.log(variance)))
-    if frequencies:
-        phase = 2 * np.pi * (np.arange(n)[:, None] + 0.5) / rate_hz * np.array(frequencies)
-        # Rates are means over a sample: a tone is damped by its sinc.
-        damped = TONE_RATE / np.sqrt(2) * np.tile(np.sinc(np.array(frequencies) / rate_hz), 2)
-        tone = np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * damped / np.sqrt(variance)[:, None]
-        inner = np.eye(tone.shape[1]) + tone.T @ tone
-        blocked = (tone / np.sqrt(variance)[:, None]).reshape(COUNT, size, -1).sum(axis=1)
-        both = np.concatenate([blocked.T, tone.T @ seen], axis=1)
-        solved = np.asarray(np.linalg.solve(inner, both), dtype=float)
-        information -= both[:, :COUNT].T @ solved[:, :COUNT]
-        product -= both[:, :COUNT].T @ solved[:, COUNT:]
-        square -= float(np.sum(both[:, COUNT:] * solved[:, COUNT:]))
-        log_det += float(np.linalg.slogdet(inner)[1])
-    covariance = np.asarray(np.linalg.inv(information), dtype=float)
-    rate = covariance @ product
-    left = square - float(np.sum(product * rate))
-    log_weight = log_prior - 1.5 * log_det - 0.5 * left + 1.5 * float(np.linalg.slogdet(covariance)[1])
-    bumped = 0 if masked is None else int(masked.sum())
-    return Cleaned(rate, covariance, log_weight, white, len(frequencies), bumped)
+@dataclass(frozen=True)
+class ToneFit:
+    """A recording and tones of some frequencies, whose samples have so much noise, the mean of each block apart."""
+
+    white: float  # noise density, rad/sqrt(s)
+    bumped: int  # samples in bumps
+    spread: Array  # (COUNT, b) root of the variance of block means beyond that of white noise, by bumps, rad/s
+    rate_l: Array  # (COUNT, 3) block means
+    mean: Array  # (COUNT, 2 f) block means of the tones: cosines, then sines
+    gram: Array  # (2 f, 2 f) of the tones about their block means, in units of the noise, and of their prior
+    cross: Array  # (2 f, 3) of the same with the rates
+    log_weight: float  # without tones
+
+    def explained(self, some: Sequence[int], log_prior: float) -> Cleaned:
+        """Those of the given numbers fitted and taken out, whose normal amplitudes leave the block means uncertain."""
+        number = [*some, *(t + len(self.gram) // 2 for t in some)]
+        factor = np.linalg.cholesky(self.gram[number][:, number])
+        root: Array = np.asarray(np.linalg.inv(factor), dtype=float)
+        left, mean = root @ self.cross[number], self.mean[:, number] @ root.T
+        added = np.concatenate([mean, self.spread], axis=1)
+        log_weight = self.log_weight - 3 * float(np.sum(np.log(np.diag(factor)))) + 0.5 * float(np.sum(left**2))
+        return Cleaned(self.rate_l - mean @ left, added, log_prior + log_weight, self.white, len(some), self.bumped)
+
+
+def tone_fit(fine_l: Array, rate_hz: float, white: float, frequencies: Array, masked: Mask | None) -> ToneFit:
+    """The level rate (n, 3), rad/s, and tones of the given frequencies, Hz; a sample of a bump is uncertain."""
+    n, size = len(fine_l), len(fine_l) // COUNT
+    bumped = (np.zeros(n, dtype=bool) if masked is None else masked).reshape(COUNT, size)
+    variance = white**2 * rate_hz + BUMP_RATE**2 * bumped
+    phase = 2 * np.pi * (np.arange(n)[:, None] + 0.5) / rate_hz * frequencies
+    # Rates are means over a sample: a tone is damped by its sinc.
+    damped = TONE_RATE / np.sqrt(2) * np.tile(np.sinc(frequencies / rate_hz), 2)
+    columns = np.concatenate([fine_l, np.concatenate([np.cos(phase), np.sin(phase)], axis=1) * damped], axis=1)
+    blocks, weight = columns.reshape(COUNT, size, -1), 1 / variance[:, None]
+    information = weight.sum(axis=2)
+    mean = weight @ blocks / information[:, None]
+    off = ((blocks - mean) * np.sqrt(weight).reshape(COUNT, size, 1)).reshape(n, -1)
+    product, mean = off[:, 3:].T @ off, mean[:, 0]
+    log_det = float(np.sum(np.log(variance)) + np.sum(np.log(information)))
+    return ToneFit(
+        white=white,
+        bumped=int(bumped.sum()),
+        spread=np.diag(np.sqrt(np.maximum(1 / information[:, 0] - white**2 * rate_hz / size, 0.0)))[
+            :, bumped.any(axis=1)
+        ],
+        rate_l=mean[:, :3],
+        mean=mean[:, 3:],
+        gram=np.eye(len(product)) + product[:, 3:],
+        cross=product[:, :3],
+        log_weight=-1.5 * log_det - 0.5 * float(np.sum(off[:, :3] ** 2)),
+    )

@@ -143,15 +143,8 @@ class Explored:
     residual: Array  # (n, 3) whitened, from the likeliest model
 
 
-def explored(
-    gyro_l: Array, propose: Propose, *, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL
-) -> Explored:
-    """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
-    return searched([exploring(gyro_l, rate_hz=rate_hz, errors=errors, motion=motion)], _each(propose))[0]
-
-
 def exploring(gyro_l: Array, *, rate_hz: float, errors: TriadErrors, motion: BoundedMotion = STILL) -> Search[Explored]:
-    """The search of `explored`, for `searched`."""
+    """Frequencies of tones and samples in bumps, from proposals by rounds of evidence; parameters as `amortised`."""
     known = law(len(gyro_l), rate_hz, errors, motion)
     noise = errors.white * np.sqrt(rate_hz)
     scaled = (gyro_l - median(gyro_l, axis=0)) / noise

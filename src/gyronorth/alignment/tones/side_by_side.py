@@ -18,6 +18,8 @@ from gyronorth.arrays import Array
 
 #: Numbers of an array over models that fit the cache of a core: so many recordings are weighed at once.
 AT_ONCE = 1 << 16
+#: Recordings that are searched side by side.
+TOGETHER = 32
 
 Found = TypeVar("Found")
 
