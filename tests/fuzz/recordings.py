@@ -26,8 +26,8 @@ from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.readers import write
 
 SEED = 20240501
-ROWS = 48
-RATE_HZ = 0.5  # so that few rows last long enough for a valid heading
+ROWS = 64
+RATE_HZ = 1.0  # so that few rows last long enough for a valid heading
 LATITUDE = radians(32.11)
 
 Options = dict[str, Any]

@@ -32,7 +32,7 @@ from gyronorth.live.session import LiveSettings, Session
 from gyronorth.readers.options import ReadOptions
 from gyronorth.recording import Recording
 
-RATE_HZ, SAMPLES, LATITUDE = 0.5, 48, 0.5604
+RATE_HZ, SAMPLES, LATITUDE = 1.0, 64, 0.5604
 
 
 @dataclass(frozen=True)
