@@ -26,7 +26,7 @@ from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.readers import write
 
 SEED = 20240501
-ROWS = 120
+ROWS = 64
 RATE_HZ = 1.0  # so that few rows last long enough for a valid heading
 LATITUDE = radians(32.11)
 

@@ -32,7 +32,7 @@ from gyronorth.live.session import LiveSettings, Session
 from gyronorth.readers.options import ReadOptions
 from gyronorth.recording import Recording
 
-RATE_HZ, SAMPLES, LATITUDE = 3.0, 300, 0.5604
+RATE_HZ, SAMPLES, LATITUDE = 1.0, 64, 0.5604
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def _frames(folder: Path) -> Iterator[Target]:
     from frames.encoders import CASES
 
     for name in FRAMES:
-        case = CASES[name](150)
+        case = CASES[name](40)
         declared: dict[str, Any] = {"protocol": case.protocol, "axes": "frd"}
         declared |= {"rate_hz": case.options.rate_hz, "imu": case.options.imu, "gyro_unit": case.options.gyro_unit}
         declared["increments"] = case.options.increments

@@ -142,3 +142,10 @@ def test_a_file_whose_undeclared_axes_gravity_contradicts_is_not_rewritten(tmp_p
     assert not target.exists()
     write(read(source, axes="rfu", **units), target)
     assert read(target).accel_b[:, 2].mean() == pytest.approx(-9.807)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".h5", ".parquet", ".mcap", ".bag"])
+def test_a_recording_slower_than_one_sample_a_second_reads_back(tmp_path: Path, suffix: str) -> None:
+    gyro, force = still(100)
+    write(Recording(gyro, force, 0.5), tmp_path / f"slow{suffix}")
+    assert read(tmp_path / f"slow{suffix}").rate_hz == 0.5

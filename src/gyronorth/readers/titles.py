@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from gyronorth.readers import labview
 from gyronorth.readers.spellings import (
@@ -139,7 +140,11 @@ def take_apart(title: str, unit: str = "") -> Title:
     >>> take_apart("a_RS_S_y [m s^-2]").kind, take_apart("time_us").unit
     ('accel', 'us')
     """
-    title = title[:LONGEST]
+    return _taken_apart(title[:LONGEST], unit[:LONGEST])
+
+
+@lru_cache(maxsize=1000)  # the columns of a file are asked for several times
+def _taken_apart(title: str, unit: str) -> Title:
     if title.strip().lower() == labview.TIME.lower():
         return Title("time", ("time",), unit="s")
     name, candidates = title, [unit] if unit else []

@@ -58,6 +58,8 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     if not there:
         raise InputError(f"{path.name} holds no dataset of numbers with one or two dimensions; no recording is in it.")
     facts, ours = read_facts(texts, lambda key: f"Attribute {key} of {path.name}")
+    if ours:
+        options = replace(options, time_unit=options.time_unit or "s")
     holds = ", ".join(list(dict.fromkeys(f"{column.array} ({column.rows} rows)" for column in there.values()))[:12])
     look = partial(_look, path)
     chosen = choose(there, singles, look, options, path.name, holds=holds, mark="/")
