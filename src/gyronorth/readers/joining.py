@@ -83,11 +83,16 @@ def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Sourc
         stated=replace(
             gyro.stated,
             accel_unit=accel.stated.accel_unit,
+            accel_scale=accel.stated.accel_scale,
             axes=gyro.stated.axes or accel.stated.axes,
             increments=_increments(gyro, accel),
         ),
         usual=replace(
-            gyro.usual, accel_unit=accel.usual.accel_unit, axes=gyro.usual.axes or accel.usual.axes, increments=False
+            gyro.usual,
+            accel_unit=accel.usual.accel_unit,
+            accel_scale=accel.usual.accel_scale,
+            axes=gyro.usual.axes or accel.usual.axes,
+            increments=False,
         ),
         notes=gyro.notes + accel.notes,
         parts=None,
