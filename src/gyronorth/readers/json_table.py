@@ -27,7 +27,7 @@ def of_objects(path: Path) -> Spooled:
     def objects() -> Iterator[list[Any]]:
         for piece in pieces_of(path):
             lines = [line.strip().rstrip(b",") for line in piece.split(b"\n")]
-            yield _parsed(b"[%b]" % b",".join(line for line in lines if line), path.name)
+            yield parsed(b"[%b]" % b",".join(line for line in lines if line), path.name)
 
     return spooled(path, table_of(objects(), path.name))
 
@@ -139,7 +139,8 @@ def _lists(value: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str,
             yield from _lists(each, (*place, key))
 
 
-def _parsed(text: bytes, name: str) -> list[Any]:
+def parsed(text: bytes, name: str) -> list[Any]:
+    """A text of JSON; `name` is that of the file, for the message."""
     try:
         found: list[Any] = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -161,7 +162,7 @@ def table_of(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
             begin = next((i for i, each in enumerate(objects) if _count(each) >= FEWEST), 0)
             objects = objects[begin:]  # what describes the device holds no sample
             for each in objects[:COMPARED]:
-                places |= dict(_leaves(each))
+                places |= dict(leaves_of(each))
             places = _without_number(places)
             if len(places) < FEWEST:
                 raise InputError(
@@ -179,7 +180,7 @@ def table_of(parts: Iterable[list[Any]], name: str) -> Iterator[bytes]:
 
 def _count(value: dict[str, Any]) -> int:
     """How many numbers an object holds, written as such or as texts."""
-    cells = [_cell(value, place).strip('"') for _, place in _leaves(value)]
+    cells = [_cell(value, place).strip('"') for _, place in leaves_of(value)]
     return sum(re.fullmatch(NUMBER, cell.encode()) is not None for cell in cells)
 
 
@@ -205,14 +206,14 @@ def _without_number(places: dict[str, tuple[str | int, ...]]) -> dict[str, tuple
     return {title.partition(".")[2]: place for title, place in places.items()}
 
 
-def _leaves(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str, tuple[str | int, ...]]]:
+def leaves_of(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str, tuple[str | int, ...]]]:
     """Title and place of every number and text in an object; of three in a list the titles end in x, y and z."""
     if isinstance(value, Mapping) and len(place) < 6:
         for key, each in value.items():
-            yield from _leaves(each, (*place, key))
+            yield from leaves_of(each, (*place, key))
     elif isinstance(value, list) and len(value) <= 9:
         for i, each in enumerate(value):
-            yield from _leaves(each, (*place, i))
+            yield from leaves_of(each, (*place, i))
     elif isinstance(value, int | float | str) and place:
         words = [str(word) for word in place]
         if isinstance(place[-1], int):
