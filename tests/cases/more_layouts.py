@@ -423,7 +423,7 @@ MORE = [
     Layout("spreadsheet_days.csv", text(titled("Time", *fields), with_time(45352.5 + TIME / 86400), ("%.12f",
            *FORMATS[1:])), FRD, says="days"),
     Layout("hundredths.csv", text(titled("time (s)", *[f"gyro_{a} (0.01 deg/s)" for a in "xyz"], *[f"acc_{a} (mg)"
-           for a in "xyz"]), (TIME, *(100 * DPS).T, *(1e3 * G).T), FORMATS), FRD, asks=True),
+           for a in "xyz"]), (TIME, *(100 * DPS).T, *(1e3 * G).T), FORMATS), FRD),
     Layout("rpm.csv", text(titled("time (s)", *[f"gyro_{a} (rpm)" for a in "xyz"], *[f"acc_{a} (ft/s^2)" for a in
            "xyz"]), (TIME, *(DPS / 6).T, *(ACCEL / 0.3048).T), ("%.3f", *["%.12f"] * 3, *["%.6f"] * 3)), FRD),
     Layout("chinese.csv", text(titled("时间(s)", *[f"角速度{a}(°/s)" for a in "XYZ"], *[f"加速度{a}(g)" for a in

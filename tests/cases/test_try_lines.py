@@ -127,9 +127,10 @@ CASES = [
         f"gyro{k}_{a} (deg/s)" for k in (1, 2) for a in "xyz"), *(f"acc_{a} (m/s2)" for a in "xyz")),
         (TIME, *DPS.T, *DPS.T, *FORCE.T), ("%.3f", *["%.10f"] * 9)))),
     Asked("columns.py:by_numbers", "is like a clock", "bare.txt", of(text([], sep=" "))),
-    Asked("columns.py:by_titles", "count by 0.01 deg/s", "hundredths.csv", of(text(titled("time (s)", *(
-        f"gyro_{a} (0.01 deg/s)" for a in "xyz"), *(f"acc_{a} (m/s2)" for a in "xyz")),
-        (TIME, *(100 * DPS).T, *FORCE.T), ("%.3f", *["%.9f"] * 6)))),
+    Asked("columns.py:by_titles", "a unit that is not known", "odd.csv", of(text(titled("time (s)", *(
+        f"gyro_{a} (odd/s)" for a in "xyz"), *(f"acc_{a} (m/s2)" for a in "xyz"))))),
+    Asked("columns.py:_unnamed_clock", "is like a clock", "ticking.csv", of(text(titled(
+        "ticking", *fields), (TIME + 0.001 * np.sin(TIME), *PLAIN[1:])))),
     Asked("declared.py:_accel_question", "gravity fits m/s2", "unit.csv", of(text([OURS]))),
     Asked("declared.py:_gyro_question", "Earth rate", "unit.csv", of(text([OURS]))),
     Asked("declared.py:_open", "does not state its rate", "rate.csv",

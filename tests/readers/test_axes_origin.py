@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from still import SI, csv_file, rows_of, still
 
 import gyronorth as gn
+from gyronorth.errors import InputError
 from gyronorth.readers import read, write
 from gyronorth.readers.axes import about_vertical, in_axes, mat_bf
 from gyronorth.recording import Recording
@@ -71,3 +72,21 @@ def test_the_warning_names_the_other_headings(tmp_path):
     assert estimate.heading is not None
     other = np.degrees(estimate.heading + np.pi / 2) % 360
     assert f"{other:.2f} deg with --axes lfd" in warning.message
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".h5", ".parquet", ".mcap", ".bag"])
+def test_a_warning_stays_whatever_a_recording_is_written_to(tmp_path, suffix):
+    noisy = np.arange(1500) / 100 + 0.008 * np.abs(np.random.default_rng(1).standard_normal(1500))
+    comments = (*NO_AXES, "# axes: frd")
+    first = read(csv_file(tmp_path, rows_of([np.maximum.accumulate(noisy), *still(1500)]), comments=comments))
+    assert "time_jitter" in codes(first)
+    write(first, tmp_path / f"copy{suffix}")
+    write(read(tmp_path / f"copy{suffix}"), path := tmp_path / f"again{suffix}")
+    warned = next(note for note in read(path).notes if note.code == "time_jitter")
+    assert warned.value == next(note.value for note in first.notes if note.code == "time_jitter")
+    assert "was written from a recording of which is known" in warned.message
+
+
+def test_a_damaged_warning_is_refused(tmp_path):
+    with pytest.raises(InputError, match="warnings is 'nonsense=1'; CODE=VALUE"):
+        read(csv_file(tmp_path, rows_of([np.arange(50) / 100, *still(50)]), comments=(*SI, "# warnings: nonsense=1")))

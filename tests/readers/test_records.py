@@ -11,7 +11,7 @@ from cases.layouts import ACCEL, DPS, FLU, GYRO, TIME
 from numpy.testing import assert_allclose
 
 from gyronorth.errors import InputError
-from gyronorth.readers import ReadOptions, read, records
+from gyronorth.readers import ReadOptions, read
 
 SAID = ReadOptions(axes="frd", gyro_unit="deg/s", accel_unit="m/s2")
 ROWS = np.column_stack([TIME, DPS, ACCEL]).tolist()
@@ -65,7 +65,10 @@ def test_what_is_no_table_is_read_as_one(tmp_path, name):
 def test_what_is_taken_piece_by_piece_is_the_same(tmp_path, name, monkeypatch):
     path = tmp_path / name
     path.write_text(FILES[name].replace("\n", "\n" * 3000, 2) if name == "nested.jsonl" else FILES[name])
-    monkeypatch.setattr(records, "PIECE", 1009)  # characters, so that objects are cut wherever they may be
+    for module in ("lines", "json_table"):
+        monkeypatch.setattr(
+            f"gyronorth.readers.{module}.PIECE", 1009
+        )  # characters, so that objects are cut wherever they may be
     assert_allclose(np.degrees(read(path, SAID).gyro_b), DPS, rtol=0, atol=1e-9)
 
 

@@ -25,7 +25,7 @@ _BESIDE = frozenset(
 #: Files of an archive that are looked at, and listed in a message.
 MOST_MEMBERS, _LISTED = 10_000, 12
 #: What stands in the names of files of accelerometers that hold no gravity, or are not corrected.
-_OTHER_KINDS = ("linear", "linacc", "uncal", "gravity", "userac")
+OTHER_KINDS = ("linear", "linacc", "uncal", "gravity", "userac")
 
 
 def state_of_member(path: Path) -> str:
@@ -162,7 +162,7 @@ def _chosen(path: Path, names: list[str]) -> tuple[str, str | None]:
 def _of_sensor(names: list[str], words: Iterable[str]) -> list[str]:
     """Files named after a sensor, those of its other kinds left out."""
     found = [name for name in names if any(word in PurePosixPath(name).name.lower() for word in words)]
-    return [name for name in found if not any(word in PurePosixPath(name).name.lower() for word in _OTHER_KINDS)]
+    return [name for name in found if not any(word in PurePosixPath(name).name.lower() for word in OTHER_KINDS)]
 
 
 def _may_be_recording(name: str) -> bool:

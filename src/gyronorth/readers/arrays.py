@@ -229,7 +229,7 @@ def _by_columns(
     values = [look(titles[title]) if titles[title].rows == rows else np.full(1, np.nan) for title in listed]
     layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
-        parts = [take_apart(last_part(title, mark), titles[title].unit) for title in listed]
+        parts = [_taken_apart(title, titles[title].unit, mark) for title in listed]
         return without_sign(by_titles(layout, parts, options, None), where)
     found = by_numbers(layout)
     if found is None:
@@ -237,6 +237,13 @@ def _by_columns(
     says = f"{where[0].upper()}{where[1:]} has {len(titles)} columns without names. {found.questions[0].says}"
     says = says.replace("names. column", "names. By its first rows column")
     return replace(found, questions=(replace(found.questions[0], says=says),))
+
+
+def _taken_apart(title: str, unit: str, mark: str) -> Title:
+    """A title by its last part, or by all of them where that is an axis alone: AngularVelocity.X."""
+    last = take_apart(last_part(title, mark), unit)
+    bare = last.axis is not None and not (last.kind or last.words)
+    return take_apart(re.sub(r"[./]" if mark in "./" else re.escape(mark), " ", title), unit) if bare else last
 
 
 def _numbered(where: str, width: int) -> Chosen:

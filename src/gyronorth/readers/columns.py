@@ -15,12 +15,14 @@ from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import OUR_TITLES, ReadOptions
 from gyronorth.readers.presets import Preset
 from gyronorth.readers.source import FORCES, RATES, TIME, Question
-from gyronorth.readers.text_clock import choose_clock, numbers
+from gyronorth.readers.text_clock import choose_clock, is_whole_second, numbers
 from gyronorth.readers.titles import OTHER_WORDS, Title, Triple, label, take_apart, triples
 
 #: Words of columns that stand beside those that are meant.
 _BESIDE = ("linear", "lin", "raw", "uncal", "uncalibrated", "uncomp", "uncompensated", "adc", "lsb", "delta",
            "increment", "incremental")  # fmt: skip
+#: Fewest steps that tell a clock.
+FEWEST_STEPS = 20
 _WORDS = {"gyro": "angular rate", "accel": "specific force"}
 
 
@@ -32,6 +34,7 @@ class Chosen:
     gyro_unit: str | None = None  # that the titles state
     accel_unit: str | None = None
     increments: frozenset[str] = frozenset()  # sensors whose titles say so
+    scales: Mapping[str, float] = field(default_factory=dict)  # sensor -> units in one number, where not one
     questions: tuple[Question, ...] = ()
 
 
@@ -49,6 +52,7 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
     found = triples(titles, parts)
     units: dict[str, str | None] = {"gyro": None, "accel": None}
     increments: set[str] = set()
+    scales: dict[str, float] = {}
     for kind, ours in (("gyro", RATES), ("accel", FORCES)):
         if any(name in declared for name in ours):
             given = [_position(declared.get(name), titles) for name in ours]
@@ -77,9 +81,10 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
                 _check_agreed([(titles[i], parts[i].unit, parts[i].scale) for i in triple.positions])
         if triple is not None and triple.increments:
             increments.add(kind)
-        if triple is not None and triple.scale != 1 and getattr(options, f"{kind}_scale") is None:
-            says = f"The titles of {triple.label} count by {triple.scale:g} {triple.unit}."
-            questions.insert(0, Question(says, (f"--{kind}-scale", f"{triple.scale:.10g}")))
+        if triple is not None and triple.unit is not None and triple.scale != 1:
+            scales[kind] = triple.scale
+        if triple is not None and getattr(options, f"{kind}_unit") is None:
+            questions += _strange_unit(triple, ours, parts, titles)
     if (
         options.needed == RATES
         and options.accel_file is None
@@ -88,15 +93,12 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
         named, asked = _unnamed_force(layout, parts, columns | declared)
         columns, questions = columns | named, questions + asked
     if TIME not in declared and TIME not in columns:
-        exact = [title for title in OUR_TITLES[TIME] if titles.count(title) == 1]
-        position = titles.index(exact[0]) if exact and titles.index(exact[0]) not in _taken(columns, titles) else None
-        position = choose_clock(layout, parts) if position is None else position
-        if position is not None:
-            columns[TIME] = column_name(position, titles)
+        named, asked = _clock(layout, parts, columns | declared, options)
+        columns, questions = columns | named, questions + asked
     if any(not question.options for question in questions):  # one --columns for all
         text = columns_text({**{k: v for k, v in columns.items() if k != TIME}, **declared})
         questions[-1] = Question(questions[-1].says, ("--columns", text), certain=False)
-    return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), tuple(questions))
+    return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), scales, tuple(questions))
 
 
 def without_sign(chosen: Chosen, name: str) -> Chosen:
@@ -179,6 +181,48 @@ def _unnamed_force(
     named: dict[str, str | int] = {ours: column_name(found[0] + k, titles) for k, ours in enumerate(FORCES)}
     says = f"{label(titles[found[0]], titles[found[0] + 2])} are like the specific force, and no title says so."
     return named, [Question(says, ("--columns", columns_text({**columns, **named})), certain=False)]
+
+
+def _strange_unit(
+    triple: Triple, ours: tuple[str, ...], parts: Sequence[Title], titles: Sequence[str]
+) -> list[Question]:
+    """Units in titles that are not known: what physics proposes instead, the user must agree to."""
+    strange = [parts[i].strange for i in triple.positions]
+    if not all(strange):
+        return []
+    text = columns_text({name: column_name(i, titles) for name, i in zip(ours, triple.positions, strict=True)})
+    says = f"The titles of {triple.label} state {strange[0]}, a unit that is not known here."
+    return [Question(says, ("--columns", text), certain=False)]
+
+
+def _clock(
+    layout: TextLayout, parts: Sequence[Title], columns: Mapping[str, str | int], options: ReadOptions
+) -> tuple[dict[str, str | int], list[Question]]:
+    """The column of the time by its title, or by what its numbers do."""
+    titles, questions = layout.titles, list[Question]()
+    exact = [title for title in OUR_TITLES[TIME] if titles.count(title) == 1]
+    position = titles.index(exact[0]) if exact and titles.index(exact[0]) not in _taken(columns, titles) else None
+    position = choose_clock(layout, parts) if position is None else position
+    if position is None and options.rate_hz is None:
+        position, questions = _unnamed_clock(layout, parts, columns)
+    return ({} if position is None else {TIME: column_name(position, titles)}), questions
+
+
+def _unnamed_clock(
+    layout: TextLayout, parts: Sequence[Title], columns: Mapping[str, str | int]
+) -> tuple[int | None, list[Question]]:
+    """A column that runs on as a clock does, though its title does not say so, and no row counter."""
+    taken = _taken(columns, layout.titles)
+    for position, part in enumerate(parts):
+        if part.kind or position in taken or set(part.words) & OTHER_WORDS:
+            continue
+        step = np.diff(numbers(layout, position))
+        uneven = len(step) < FEWEST_STEPS or (step == step[0]).all() or step.std() > 0.9 * step.mean()
+        if uneven or not (step > 0).all():
+            continue
+        name = column_name(position, layout.titles)
+        return position, [Question(f"{name} is like a clock.", ("--columns", f"{TIME}={name}"), certain=False)]
+    return None, []
 
 
 def _along(triple: Triple, axes: str | None) -> Triple:
@@ -274,6 +318,8 @@ def _steady(values: np.ndarray) -> bool:
 def _time_column(layout: TextLayout, values: np.ndarray, usable: np.ndarray) -> tuple[int | None, float | None]:
     """The first column that runs on as a clock does, and its mean step."""
     for position in range(layout.width):
+        if is_whole_second(layout, position):
+            return position, None
         if position in layout.texts and len(layout.rows) and ":" in layout.rows[0][position]:
             return position, None
         if not usable[position] or len(values) < 3:

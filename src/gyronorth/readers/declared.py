@@ -123,8 +123,8 @@ def resolve(source: Source, options: ReadOptions, path: Path | str | None = None
         mat_vf=None if np.array_equal(turned, np.eye(3)) else turned,
         latitude=agreed_latitude(options.latitude, source.stated.latitude, source.name),
         heading_true=heading_true,
-        gyro_scale=options.gyro_scale or usual.gyro_scale or 1.0,
-        accel_scale=options.accel_scale or usual.accel_scale or 1.0,
+        gyro_scale=options.gyro_scale or stated.gyro_scale or usual.gyro_scale or 1.0,
+        accel_scale=options.accel_scale or stated.accel_scale or usual.accel_scale or 1.0,
         increment_interval=options.increment_interval,
     )
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal, localcontext
 
+from gyronorth import catalogue
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.options import ACCEL_UNITS, GYRO_UNITS
@@ -17,8 +18,9 @@ SIGNATURE = ("format", "gyronorth.recording/1")
 #: All keys, in the order in which they are written.
 KEYS = (
     SIGNATURE[0], "rate_hz", "gyro_unit", "accel_unit", "axes", "axes_assumed", "latitude_deg", "heading_true_deg",
-    "start_time_utc", "session", "samples", "rows_dropped", "gaps",
+    "start_time_utc", "session", "samples", "rows_dropped", "gaps", "warnings",
 )  # fmt: skip
+_CODES = frozenset(each.code for each in catalogue.FINDINGS)
 _PI = Decimal("3.14159265358979323846264338327950288")
 #: Significant digits that tell any two doubles apart after a change of unit.
 _DIGITS = range(15, 22)
@@ -82,8 +84,17 @@ def read_facts(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[F
         samples=None if samples is None else int(float(samples)),
         rows_dropped=int(float(dropped or 0)),
         gaps=gaps(),
+        warnings=_warnings(texts, where),
     )
     return facts, texts.get(SIGNATURE[0]) == SIGNATURE[1] and facts.gyro_unit == "rad/s"
+
+
+def _warnings(texts: Mapping[str, str], where: Callable[[str], str]) -> tuple[tuple[str, float | None], ...]:
+    """Codes with their values: "time_jitter=0.43 cut_off"."""
+    entries = [entry.partition("=")[::2] for entry in texts.get("warnings", "").split()]
+    if not all(code in _CODES and (not value or is_number(value)) for code, value in entries):
+        raise InputError(f"{where('warnings')}: warnings is {texts['warnings'][:60]!r}; CODE=VALUE ... is expected.")
+    return tuple((code, float(value) if value else None) for code, value in entries)
 
 
 def write_facts(facts: Facts) -> dict[str, str]:
@@ -108,12 +119,18 @@ def write_facts(facts: Facts) -> dict[str, str]:
         "samples": str(facts.samples),
         "rows_dropped": str(facts.rows_dropped) if facts.rows_dropped else None,
         "gaps": " ".join(f"{gap.start!r}:{gap.samples}" for gap in facts.gaps) or None,
+        "warnings": warnings_text(facts.warnings) or None,
     }
     texts = {key: text for key, text in values.items() if text is not None}
     for key, text in texts.items():
         if text != text.strip() or len(text.splitlines()) != 1 or "\x00" in text:
             raise InputError(f"{key} is {text!r}; one line of text without spaces around it is expected.")
     return texts
+
+
+def warnings_text(warnings: Iterable[tuple[str, float | None]]) -> str:
+    """What was said of a recording, as `read_facts` takes it."""
+    return " ".join(code if value is None else f"{code}={value!r}" for code, value in warnings)
 
 
 def is_number(text: str) -> bool:

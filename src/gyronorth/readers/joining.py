@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.options import increments_of
+from gyronorth.readers.options import ReadOptions, increments_of
 from gyronorth.readers.source import DESCRIBED, FORCES, RATES, TIME, Bad, Block, Source
 
 #: Longest time from a gyroscope's sample to an accelerometer's, s: a unit at rest feels the same until then.
@@ -38,6 +38,18 @@ def accelerometer_beside(gyro: Path) -> Path | None:
     found = [path for word in sorted(words) if (path := gyro.with_name(before + word + after)).is_file()]
     same = {path.stat().st_ino for path in found}  # on file systems that do not tell capitals apart
     return found[0] if len(same) == 1 else None
+
+
+def options_of_two(options: ReadOptions) -> tuple[ReadOptions, ReadOptions]:
+    """What is declared of a gyroscope's file, and of the accelerometer's that is joined with it."""
+    columns = dict(options.columns or {})
+    rates = {name: column for name, column in columns.items() if name not in FORCES}
+    forces = {name: column for name, column in columns.items() if name in FORCES}
+    if str(columns.get(TIME, "")) == "-" or str(columns.get(TIME, "")).isdigit():
+        forces[TIME] = columns[TIME]
+    alone = replace(options, accel_file=None)
+    others = replace(alone, columns=forces or None, needed=FORCES, variable=None, topic=None, format=None)
+    return replace(alone, columns=rates or None), others
 
 
 def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Source:
@@ -83,11 +95,16 @@ def joined(gyro: Source, accel: Source, *, drop_bad_rows: bool = False) -> Sourc
         stated=replace(
             gyro.stated,
             accel_unit=accel.stated.accel_unit,
+            accel_scale=accel.stated.accel_scale,
             axes=gyro.stated.axes or accel.stated.axes,
             increments=_increments(gyro, accel),
         ),
         usual=replace(
-            gyro.usual, accel_unit=accel.usual.accel_unit, axes=gyro.usual.axes or accel.usual.axes, increments=False
+            gyro.usual,
+            accel_unit=accel.usual.accel_unit,
+            accel_scale=accel.usual.accel_scale,
+            axes=gyro.usual.axes or accel.usual.axes,
+            increments=False,
         ),
         notes=gyro.notes + accel.notes,
         parts=None,

@@ -16,7 +16,8 @@ from pathlib import Path
 from gyronorth.errors import InputError
 from gyronorth.readers import labview
 from gyronorth.readers.fields import is_number, split
-from gyronorth.readers.spellings import counts_in, is_unit
+from gyronorth.readers.header import COMMENT_MARKS, DELIMITERS, FEWEST, titles_above, units_stated
+from gyronorth.readers.spellings import counts_in
 from gyronorth.readers.text_head import LONGEST_LINE
 from gyronorth.readers.times import time_text
 
@@ -24,19 +25,14 @@ from gyronorth.readers.times import time_text
 HEAD, TAIL, COMPARED = 1 << 16, 1 << 12, 200
 #: Lines at the end of the start that decide how lines are cut into fields.
 DECIDING = 60
-#: Fewest numbers in a row: three rates.
-FEWEST = 3
 #: Most lines of a footer.
 LONGEST_FOOTER = 20
-DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
 WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "blanks"}
-#: How a line begins that is no row.
-COMMENT_MARKS = ("#", "%", "//")
 COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:(.*)$")
 #: Longest line that may state a rate: the pattern takes the square of it.
 _LONGEST_STATEMENT = 200
 _RATE = re.compile(
-    r"(?:sampl\w*|update|data|output|imu|log\w*)?[ _-]*(?:rate|freq\w*|odr|fs)\W{0,8}"
+    r"(?:sampl\w*|update|data|output|imu|log\w*)?[ _-]*(?:rate|freq\w*|odr|fs)(?:[ _]*[\[(]hz[\])])?\W{0,8}"
     r"(\d++(?:\.\d++)?)[\s\",;]*+(hz|khz)?\W*$",
     re.IGNORECASE,
 )
@@ -122,10 +118,10 @@ def sniff(path: Path) -> TextLayout:
     if encoding == "utf-8":  # damaged bytes above the rows have made it Latin-1
         offset = skip + _byte_offset(body, line_end, first)
     comments, preamble, rate_hz = _above(plain[:first], path.name)
-    header_row, titles, unit_row = _titles(plain, first, delimiter, decimal, width)
+    header_row, titles, unit_row = titles_above(plain, first, delimiter, decimal, width)
     units = tuple(split(plain[unit_row], delimiter)) if unit_row is not None else ()
     stated = labview.stated_in(plain[:above], delimiter)
-    units = units or labview.units_of(stated, titles)
+    units = units or labview.units_of(stated, titles) or units_stated(comments, delimiter, width)
     rate_hz = labview.rate_of(stated, titles, decimal) or rate_hz
     rows = [split(line, delimiter) for line in plain[first : first + COMPARED] if _is_row_text(line)]
     rows = [row for row in rows if row]
@@ -270,64 +266,6 @@ def _above(
         elif line and not line.startswith(COMMENT_MARKS):
             others.append((row, line))
     return comments, tuple(others), rate_hz
-
-
-def _titles(
-    lines: Sequence[str], first: int, delimiter: str | None, decimal: str, width: int
-) -> tuple[int | None, tuple[str, ...], int | None]:
-    """Row of the titles, the titles, and the row of the units, above the first row of numbers."""
-    unit_row = None
-    for row in range(first - 1, -1, -1):
-        line = lines[row]
-        if not line.strip("-=_+| \t"):  # blank, or a rule
-            continue
-        marked = line.startswith(COMMENT_MARKS)
-        bare = line.lstrip("#%/ \t") if marked else line
-        fields = _as_titles(bare, delimiter, width, marked)
-        if fields is None:
-            if marked:
-                continue
-            return None, (), None
-        if all(is_number(cell, decimal) for cell in fields if cell):
-            if len(fields) == width and not all(fields):  # a row with empty fields
-                continue
-            return None, (), None
-        if unit_row is None and all(is_unit(cell) for cell in fields) and any(fields) and len(fields) == width:
-            unit_row = row
-            continue
-        return row, _with_groups(lines, row, fields, delimiter), unit_row
-    return None, (), None
-
-
-def _with_groups(lines: Sequence[str], row: int, fields: list[str], delimiter: str | None) -> tuple[str, ...]:
-    """Titles that are there twice, with the words of the row above; a word holds for the empty cells behind it."""
-    named = [cell for cell in fields if cell]
-    if len(set(named)) == len(named) or delimiter is None:
-        return tuple(fields)
-    groups = next((split(line, delimiter) for line in reversed(lines[:row]) if line.strip()), [])
-    if len(groups) != len(fields) or not any(groups):
-        return tuple(fields)
-    filled, last = [], ""
-    for cell in groups:
-        last = cell or last
-        filled.append(last)
-    return tuple(f"{group} {cell}".strip() for group, cell in zip(filled, fields, strict=True))
-
-
-def _as_titles(line: str, delimiter: str | None, width: int, marked: bool) -> list[str] | None:
-    """The fields of a line of titles, or None if it is none."""
-    candidates: list[list[str]] = [split(line, delimiter)]
-    candidates += [split(line, other) for other in DELIMITERS if other != delimiter and (other or not marked)]
-    candidates.append([part.strip() for part in re.split(r"\s{2,}", line)])
-    for fields in candidates:
-        if len(fields) == width and sum(bool(cell) for cell in fields) >= min(FEWEST, width):
-            return fields
-    fields = candidates[0]
-    near = abs(len(fields) - width) <= 1
-    if len(fields) >= FEWEST and (near if marked else True):
-        prose = delimiter is None and not near
-        return None if prose else fields
-    return None
 
 
 def _trailing(titles: tuple[str, ...], rows: list[list[str]], width: int) -> tuple[bool, tuple[str, ...], int]:

@@ -16,6 +16,8 @@ from gyronorth.recording import Gap, Recording
 
 #: Rows handed over at a time.
 BLOCK_ROWS = 1 << 14
+#: What the facts of a file say already, or its samples show again.
+TOLD_ANEW = ("axes_assumed", "axes_suspect", "gaps", "gaps_bridged", "rows_dropped")
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,7 @@ class RecordingStream:
             raise InputError(f"{' '.join(blocking)} Nothing is written: the new file would state axes as if declared.")
         self._gaps: list[Gap] = []
         self._samples = self._dropped = 0
+        self._said: dict[str, float | None] = {}
         self.rate_hz = float(self._first.rate_hz)
         self.has_accel = self._first.accel_b is not None
         self.start_time_utc = self._first.start_time_utc
@@ -68,6 +71,7 @@ class RecordingStream:
                 yield SampleRows(self._samples + start, gyro, accel)
             self._gaps += [Gap(gap.start + self._samples / self.rate_hz, gap.samples) for gap in chunk.gaps]
             self._dropped += chunk.rows_dropped
+            self._said |= {note.code: note.value for note in chunk.notes if note.code not in TOLD_ANEW}
             self._samples += len(chunk.gyro_b)
             chunk = next(self._chunks, None)
 
@@ -88,6 +92,7 @@ class RecordingStream:
             samples=self._samples,
             rows_dropped=self._dropped,
             gaps=_joined(self._gaps, self.rate_hz),
+            warnings=tuple(self._said.items()),
         )
 
     def texts(self) -> dict[str, str]:

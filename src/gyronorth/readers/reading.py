@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth import catalogue
 from gyronorth.errors import InputError
-from gyronorth.readers.asking import ask
-from gyronorth.readers.declared import forgotten_accelerometer, in_place_of
+from gyronorth.readers.asking import OpenQuestion, ask, declared_options, in_pairs
+from gyronorth.readers.declared import forgotten_accelerometer, in_place_of, resolve
 from gyronorth.readers.grid import JITTER
 from gyronorth.readers.grid_stream import GridStream
 from gyronorth.readers.options import ReadOptions
@@ -144,7 +145,10 @@ class Reading(GridStream):
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
         if options.preset is not None:
             options = load(options.preset).onto(options)
-        super().__init__(open_source(path, options), options, path)
+        try:
+            super().__init__(open_source(path, options), options, path)
+        except OpenQuestion as question:
+            raise _with_accelerometer(question, path, options) from None
         self._path = Path(path)
         self.progress = progress
         if (beside := forgotten_accelerometer(self.source, options, path)) is not None:
@@ -290,8 +294,11 @@ class Reading(GridStream):
         if self.grid.jitter > JITTER:
             message = (
                 f"The time stamps of {self.source.name} scatter by {self.grid.jitter:.2f} sample intervals "
-                "about an even grid; the samples are taken as evenly spaced."
+                f"about an even grid; the samples are taken as evenly spaced, at {self.rate_hz:.6g} Hz, which such "
+                "stamps may miss by some per cent."
             )
+            if self.source.topic is None:
+                message += " If the unit's rate is another one: --columns t=- --rate HZ."
             notes += (Note("time_jitter", message, value=self.grid.jitter, limit=JITTER),)
         if counts.wraps:
             causes = " and as ".join(dict.fromkeys(counts.wraps))
@@ -300,7 +307,32 @@ class Reading(GridStream):
                 "without a break."
             )
             notes += (Note("time_wraps", message, value=float(len(counts.wraps))),)
-        return notes
+        return (*notes, *self._said_before({note.code for note in notes}))
+
+    def _said_before(self, codes: set[str]) -> tuple[Note, ...]:
+        """What was said of the recording before it was written to this file, but for `codes`."""
+        summaries = {each.code: each.summary for each in catalogue.FINDINGS}
+        said = ((code, value) for code, value in self.source.stated.warnings if code not in codes)
+        return tuple(
+            Note(code, f"{self.source.name} was written from a recording of which is known: {summaries[code]}", value)
+            for code, value in said
+        )
+
+
+def _with_accelerometer(question: OpenQuestion, path: str | Path, options: ReadOptions) -> OpenQuestion:
+    """The question with what the accelerometer's file leaves open, where the question proposes one."""
+    beside = in_pairs(question.added).get("--accel")
+    if beside is None:
+        return question
+    of_two = replace(options, accel_file=beside)
+    try:
+        resolve(open_source(path, of_two), of_two, path)
+    except OpenQuestion as whole:
+        text = f"{whole.text} {Path(beside).name} beside it is likely its accelerometer."
+        return OpenQuestion(text, str(path), declared_options(options), (*whole.added, "--accel", beside))
+    except InputError:
+        pass
+    return question
 
 
 def _joined(pieces: Iterator[NDArray[np.float64]], rows: int) -> NDArray[np.float64]:

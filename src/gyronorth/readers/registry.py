@@ -20,12 +20,12 @@ from gyronorth.readers.bag_folder import METADATA, is_bag_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
 from gyronorth.readers.foreign import foreign
 from gyronorth.readers.format import LOOK, Format
-from gyronorth.readers.joining import joined
+from gyronorth.readers.joining import joined, options_of_two
 from gyronorth.readers.library import pickled
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.records import rewriter_of
-from gyronorth.readers.source import FORCES, TIME, Source
+from gyronorth.readers.source import Source
 from gyronorth.readers.spool import Spooled, is_stream, packed_as, piped, unpacked
 
 #: Entry points of installed packages that name a format of their own.
@@ -189,21 +189,12 @@ def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | N
 
 def _of_two(path: Path, options: ReadOptions) -> Source:
     """A gyroscope's file joined with an accelerometer's."""
-    columns = dict(options.columns or {})
-    rates = {name: column for name, column in columns.items() if name not in FORCES}
-    forces = {name: column for name, column in columns.items() if name in FORCES}
-    if str(columns.get(TIME, "")) == "-" or str(columns.get(TIME, "")).isdigit():
-        forces[TIME] = columns[TIME]
-    gyro = _opened(path, replace(options, accel_file=None, columns=rates or None))
+    of_gyro, of_accel = options_of_two(options)
+    gyro = _opened(path, of_gyro)
     accel_file = Path(options.accel_file or "")
     if not accel_file.exists() and split_path(accel_file) is None:
         raise InputError(f"There is no file {accel_file}.")
-    accel = _opened(
-        accel_file,
-        replace(
-            options, accel_file=None, columns=forces or None, needed=FORCES, variable=None, topic=None, format=None
-        ),
-    )
+    accel = _opened(accel_file, of_accel)
     return joined(gyro, accel, drop_bad_rows=options.drop_bad_rows)
 
 

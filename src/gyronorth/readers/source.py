@@ -38,6 +38,7 @@ class Facts:
     samples: int | None = None  # number of rows the file should hold
     rows_dropped: int = 0  # rows that were left out before the file was written
     gaps: tuple[Gap, ...] = ()  # gaps that were bridged before the file was written
+    warnings: tuple[tuple[str, float | None], ...] = ()  # code and value of what was said of it before it was written
 
 
 @dataclass(frozen=True)

@@ -63,11 +63,21 @@ LONG_TIMES = (
     (3600.0, ("h", "hr", "hrs", "hour", "hours")),
     (86400.0, ("d", "day", "days")),
 )
+#: Units that are a multiple of one of ours, and their spellings.
+MULTIPLES: dict[tuple[float, str], tuple[str, ...]] = {
+    (1e-3, "urad/s"): ("nrad/s", "nanorad/s", "nradps"),
+    (1e-3, "arcsec/s"): ("mas/s", "marcsec/s"),
+    (360.0, "deg/s"): ("rev/s", "rev/sec", "turn/s"),
+    (0.9, "deg/s"): ("gon/s", "grad/s"),
+    (1e-3, "cm/s2"): ("mgal",),
+    (1e-3, "ug"): ("ng",),
+}
 #: Longest text that can be a unit.
 LONGEST = 80
 _SCALED = re.compile(
     r"\s*[x*×]?\s*(?:10\^?(-\d+)|(\d+(?:\.\d*)?(?:e[+-]?\d+)?))\s*[x*×·]?\s*([^\d\s^.,].*)", re.IGNORECASE
 )
+_POWER = re.compile(r"(?<=[a-z])(s|h|hr|min)-([12])$")
 #: Characters of a line that may say what a count is.
 LONGEST_STATEMENT = 200
 _COUNT = r"(?:LSBs?|counts?|digits?|bits?)"
@@ -92,8 +102,9 @@ def spelled(text: str, spellings: dict[str, tuple[str, ...]]) -> str | None:
     """
     plain = re.sub(r"\s+", "", text.strip().translate(_PLAIN)).lower()
     plain = plain.replace("^-", "-").replace("^", "").replace(".", "")
+    divided = _POWER.sub(lambda match: f"/{match[1]}{match[2].replace('1', '')}", plain)  # mrads-1 is mrad/s
     for unit, known in spellings.items():
-        if plain in known:
+        if plain in known or divided in known:
             return unit
     return None
 
@@ -103,9 +114,12 @@ def scaled(text: str) -> tuple[float, str]:
 
     Examples
     --------
-    >>> scaled("0.01 deg/s"), scaled("100us"), scaled("10^-3 g"), scaled("deg/s"), scaled("min")
-    ((0.01, 'deg/s'), (100.0, 'us'), (0.001, 'g'), (1.0, 'deg/s'), (60.0, 's'))
+    >>> scaled("0.01 deg/s"), scaled("100us"), scaled("10^-3 g"), scaled("deg/s"), scaled("min"), scaled("nrad/s")
+    ((0.01, 'deg/s'), (100.0, 'us'), (0.001, 'g'), (1.0, 'deg/s'), (60.0, 's'), (0.001, 'urad/s'))
     """
+    for (scale, unit), names in MULTIPLES.items():
+        if spelled(text, {unit: names}):
+            return scale, unit
     for seconds, names in LONG_TIMES:
         if text.strip().lower() in names:
             return seconds, "s"
@@ -145,7 +159,7 @@ def is_unit(text: str) -> bool:
 
 #: Units of other columns, which a row of units holds too.
 _OTHERS: dict[str, tuple[str, ...]] = {
-    "other": ("", "-", "--", "n/a", "none", "1", "degc", "c", "celsius", "k", "pa", "hpa", "mbar", "kpa", "ut", "t",
-              "gauss", "mgauss", "m", "v", "mv", "hz", "%", "bool", "count", "counts", "lsb", "#", "unitless", "km/h",
-              "utc", "week", "weeks", "h", "min", "ft", "days"),
+    "other": ("", "-", "--", "n/a", "none", "1", "degc", "c", "celsius", "degf", "k", "pa", "hpa", "mbar", "kpa", "ut",
+              "nt", "t", "gauss", "mgauss", "m", "v", "mv", "ma", "mah", "hz", "%", "bool", "count", "counts", "lsb",
+              "#", "unitless", "km/h", "utc", "week", "weeks", "h", "min", "ft", "days"),
 }  # fmt: skip

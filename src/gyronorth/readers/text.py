@@ -186,9 +186,8 @@ def _as_written(data: bytes, first_row: int, layout: Layout) -> Block:
         position, text = layout.only
         delimiter = None if layout.delimiter is None else layout.delimiter.encode()
         lines = data.split(b"\n")[:-1]
-        kept = np.array(
-            [line.split(delimiter, position + 1)[position : position + 1] == [text.encode()] for line in lines]
-        )
+        cells = (line.split(delimiter, position + 1)[position : position + 1] for line in lines)
+        kept = np.array([bool(cell) and cell[0].strip(b' "') == text.encode() for cell in cells], dtype=bool)
         data, rows = b"".join(line + b"\n" for line in compress(lines, kept)), rows[kept]
     if layout.decimal == ",":
         data = data.replace(b",", b".") if layout.delimiter != "," else QUOTED_COMMA.sub(rb"\1.\2", data)

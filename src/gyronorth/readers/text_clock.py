@@ -84,18 +84,18 @@ def find_clock(
         factors = (3600.0, 60.0, 1.0, *(PARTS_OF_A_SECOND[parts[i].unit or "ns"] for i in behind))
         columns = ClockColumns((hour, minute, position, *behind), factors)
         return FoundClock(Clock(1.0, DAY, title, known=True), columns, position, f"hours, minutes and {title}")
-    partner = _partner(parts, position)
-    if partner is not None and parts[partner].kind == "week":
+    partner = _partner(layout, parts, position)
+    if partner is not None and parts and parts[partner].kind == "week":
         unit = TIME_UNITS[time_unit or part.unit or "s"] * part.scale
         columns = ClockColumns((partner, position), (WEEK, unit))
         return FoundClock(
             Clock(1.0, name=title, known=True), columns, position, f"{layout.titles[partner]} and {title}"
         )
-    if partner is not None and _is_part(layout, position, partner, parts[partner].unit or "ns"):
-        columns = ClockColumns((position, partner), (1.0, PARTS_OF_A_SECOND[parts[partner].unit or "ns"]))
-        return FoundClock(
-            Clock(1.0, name=title, known=True), columns, position, f"{title} and {layout.titles[partner]}"
-        )
+    part_unit = None if partner is None else (parts[partner].unit or "ns") if parts else "ns"
+    if partner is not None and part_unit and _is_part(layout, position, partner, part_unit):
+        columns = ClockColumns((position, partner), (1.0, PARTS_OF_A_SECOND[part_unit]))
+        beside = layout.titles[partner] if layout.titles else f"column {partner}"
+        return FoundClock(Clock(1.0, name=title, known=True), columns, position, f"{title} and {beside}")
     if part.kind == "counter" and time_unit is None:
         return FoundClock(Clock(None, name=title), None, position, f"{title} (a counter)")
     unit, question, why = _unit(numbers(layout, position), time_unit, part, title, rate_hz)
@@ -110,18 +110,19 @@ def choose_clock(layout: TextLayout, parts: Sequence[Title]) -> int | None:
     """The column of a file with titles that tells the time best; None without one."""
     best: tuple[float, int] | None = None
     for position, part in enumerate(parts):
-        if part.kind not in ("time", "counter") or not layout.rows:
+        if not layout.rows:
             continue
         text = position in layout.texts or ":" in layout.rows[0][position]
+        if part.kind not in ("time", "counter", "" if text else "time"):
+            continue
         if text and time_text([row[position] for row in layout.rows if row[position]][:20]) is None:
             continue
         if not text and not _runs(numbers(layout, position)):
             continue
-        score = {"time": 0.0, "counter": 10.0}[part.kind] + 0.01 * position
+        score = {"time": 0.0, "": 5.0, "counter": 10.0}[part.kind] + 0.01 * position
         score += 0.0 if part.unit or text or part.words in _PLAIN_TIMES else 1.0
         score += 5.0 if part.words and not set(part.words) & (TIME_WORDS | COUNTER_WORDS) else 0.0  # by its unit alone
-        whole = any(other.words == part.words and other.unit == "s" for other in parts)
-        score += 2.0 if part.unit in PARTS_OF_A_SECOND and whole else 0.0
+        score += 2.0 if _belongs_to_seconds(layout, parts, position) else 0.0
         if best is None or score < best[0]:
             best = (score, position)
     return None if best is None else best[1]
@@ -163,19 +164,45 @@ def _written(layout: TextLayout, position: int, title: str, rate_hz: float | Non
     )
 
 
-def _partner(parts: Sequence[Title], position: int) -> int | None:
+def _belongs_to_seconds(layout: TextLayout, parts: Sequence[Title], position: int) -> bool:
+    """Whether a column holds parts of a second, beside one of whole seconds."""
+    part = parts[position]
+    if part.unit not in PARTS_OF_A_SECOND:
+        return False
+    same = any(other.words == part.words and other.unit == "s" for other in parts)
+    before = parts[position - 1] if position else part
+    bare = not part.words and before.kind == "time" and before.unit in (None, "s") and _since_1970(layout, position - 1)
+    return same or (bare and _is_part(layout, position - 1, position, part.unit))
+
+
+def _partner(layout: TextLayout, parts: Sequence[Title], position: int) -> int | None:
     """A column that belongs to a time: weeks beside seconds of the week, nanoseconds beside seconds."""
     if not parts:
-        return None
+        return position + 1 if is_whole_second(layout, position) else None
     part = parts[position]
     weeks = [i for i, other in enumerate(parts) if other.kind == "week"]
     if len(weeks) == 1 and part.kind == "time":
         return weeks[0]
     for i, other in enumerate(parts):
-        beside = other.words == part.words and i != position and other.kind == "time"
-        if beside and part.unit == "s" and other.unit in PARTS_OF_A_SECOND:
+        beside = other.words == part.words and i != position and part.unit == "s"
+        bare = i == position + 1 and not other.words and part.unit in (None, "s") and _since_1970(layout, position)
+        if (beside or bare) and other.kind == "time" and other.unit in PARTS_OF_A_SECOND:
             return i
     return None
+
+
+def is_whole_second(layout: TextLayout, position: int) -> bool:
+    """Whether a column without a title holds whole seconds since 1970, and the one behind it nanoseconds."""
+    if position + 1 >= layout.width or len(layout.rows) < 3:
+        return False
+    nanoseconds = bool((numbers(layout, position + 1) > 1e6).any())
+    return nanoseconds and _since_1970(layout, position) and _is_part(layout, position, position + 1, "ns")
+
+
+def _since_1970(layout: TextLayout, position: int) -> bool:
+    """Whether a column holds seconds since 1970."""
+    seconds = numbers(layout, position)
+    return bool(np.isfinite(seconds).all() and (EPOCH_S[0] < seconds).all() and (seconds < EPOCH_S[1]).all())
 
 
 def _is_part(layout: TextLayout, seconds: int, part: int, unit: str) -> bool:

@@ -8,6 +8,7 @@ of words is published in the guide "Files and declarations".
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -29,10 +30,13 @@ GYRO_WORDS = (
     ("angrate",), ("angular", "velocity"), ("angular", "rate"), ("angular", "vel"), ("angular", "speed"),
     ("ang", "vel"), ("ang", "rate"), ("rotation", "rate"), ("rot", "rate"), ("turn", "rate"), ("angularvelocity",),
     ("angularrate",), ("rotationrate",), ("rate",), ("wb",), ("wib",), ("wibb",),
+    ("drehrate",), ("winkelgeschwindigkeit",), ("vitesse", "angulaire"), ("velocidad", "angular"),
+    ("velocidade", "angular"), ("velocita", "angolare"), ("hoeksnelheid",), ("predkosc", "katowa"), ("giroscopio",),
+    ("gyroskop",), ("угловая", "скорость"), ("гироскоп",), ("角速度",), ("陀螺仪",), ("각속도",),
 )  # fmt: skip
 ANGLE_WORDS = (
     ("dtheta",), ("delta", "theta"), ("deltatheta",), ("delta", "angle"), ("deltaangle",), ("dang",), ("delta", "ang"),
-    ("delta", "th"),
+    ("delta", "th"), ("d", "th"),
     ("delang",), ("dth",), ("delta", "gyro"), ("angle", "increment"), ("dangle",),
     ("d", "ang"), ("d", "theta"), ("incremental", "angle"),
 )  # fmt: skip
@@ -40,6 +44,8 @@ ACCEL_WORDS = (
     ("accel",), ("acc",), ("accelerometer",), ("acceleration",), ("accelero",), ("specific", "force"), ("specforce",),
     ("sf",), ("acce",), ("fb",), ("fib",), ("fibb",), ("force",), ("accelerations",), ("linear", "acceleration"),
     ("linearacceleration",), ("specificforce",), ("accl",), ("accs",), ("proper", "acceleration"),
+    ("beschleunigung",), ("aceleracion",), ("aceleracao",), ("accelerazione",), ("versnelling",), ("przyspieszenie",),
+    ("ускорение",), ("акселерометр",), ("加速度",), ("加速度计",), ("가속도",),
 )  # fmt: skip
 VELOCITY_WORDS = (
     ("dvel",), ("delta", "v"), ("deltav",), ("delta", "velocity"), ("deltavelocity",), ("delta", "vel"), ("delvel",),
@@ -63,6 +69,7 @@ TIME_WORDS = frozenset(
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
+    czas tijd tid zaman время 时间 時間 시간
     """.split()  # noqa: SIM905
 )
 COUNTER_WORDS = frozenset(
@@ -86,7 +93,11 @@ _DIRECTIONS = {"forward": 0, "front": 0, "fwd": 0, "longitudinal": 0, "long": 0,
                "lat": 1, "transverse": 1, "down": 2, "up": 2, "vertical": 2, "vert": 2}  # fmt: skip
 #: Characters of a title that are looked at: the patterns take the square of them.
 LONGEST = 200
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_A-Za-z]+")
+#: What units have in them.
+_STRANGE = re.compile(r"[^/\s]/s|/h|/min|\^?[-⁻\u2212][12¹²]$| per ")
+#: Numbers of devices, as Shimmer's 9D1A: no axis.
+_HEXADECIMAL = re.compile(r"(?<![A-Za-z0-9])(?=[A-F]*\d+[A-F])[0-9A-F]{4,}(?![A-Za-z0-9])")
 #: A sign before an axis, alone or behind the word of its sensor; "Gyro-X" and "- x" have a hyphen.
 _MINUS = re.compile(r"(?:^|[\s(\[])[-\u2212](?=\(?[A-Za-z])")
 _BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]")
@@ -109,6 +120,7 @@ class Title:
     scale: float = 1.0  # of its unit in one number
     worded: bool = False  # the axis is one of the body, by its name: roll, lateral, up
     minus: bool = False  # the values are those of the axis with the other sign: -Y Gyro
+    strange: str = ""  # what stands in the place of its unit, looks like one and is not known
 
 
 @dataclass(frozen=True)
@@ -135,8 +147,9 @@ def take_apart(title: str, unit: str = "") -> Title:
 
     Examples
     --------
-    >>> take_apart("Gyro X (deg/s)")
-    Title(kind='gyro', words=('gyro',), axis=0, unit='deg/s', increments=False, scale=1.0, worded=False, minus=False)
+    >>> title = take_apart("Gyro X (deg/s)")
+    >>> title.kind, title.words, title.axis, title.unit
+    ('gyro', ('gyro',), 0, 'deg/s')
     >>> take_apart("a_RS_S_y [m s^-2]").kind, take_apart("time_us").unit
     ('accel', 'us')
     """
@@ -159,10 +172,23 @@ def _taken_apart(title: str, unit: str) -> Title:
             name, candidates = parts[0], [parts[2]]
     for letter, latin in _LOOKALIKES:
         name = re.sub(rf"\b{letter}\b", latin, name)
-    words = [word.lower() for word in _WORD.findall(re.sub("[ωΩ]", "w", name))]
+    name = _HEXADECIMAL.sub(" ", name)
+    words = [word.lower() for word in _WORD.findall(_without_accents(re.sub("[ωΩ]", "w", name)))]
     axis, rest = _axis(words)
     worded, minus = axis is not None and _is_worded(words), axis is not None and bool(_MINUS.search(name))
-    return replace(_title(rest, axis, candidates), worded=worded, minus=minus)
+    found = _title(rest, axis, candidates)
+    if not found.kind and (parts := re.split(r"[./]", name)) and len(parts) > 1 and not set(rest) & OTHER_WORDS:
+        last = take_apart(parts[-1], candidates[0] if candidates else "")  # data.gx: the place says nothing
+        place = (word.lower() for word in _WORD.findall(" ".join(parts[:-1])))
+        found = replace(last, words=(*place, *last.words)) if last.kind else found
+    return replace(found, worded=worded, minus=minus)
+
+
+def _without_accents(text: str) -> str:
+    """Latin letters alone: Accélération is Acceleration; letters of other scripts stay as they are."""
+    if text.isascii():
+        return text
+    return re.sub("[\u0300-\u036f]", "", unicodedata.normalize("NFD", text))
 
 
 def _is_worded(words: Sequence[str]) -> bool:
@@ -208,7 +234,8 @@ def _title(words: list[str], axis: int | None, candidates: list[str]) -> Title:
         angle = found.get("angle" if kind == "gyro" else "velocity")
         increments = bool(angle and any(word in ("increment", "increments", "inc", "delta") for word in named))
         unit = angle if increments else None
-    return Title(kind, tuple(named), axis, unit, increments, scale if unit else 1.0)
+    strange = next((text.strip() for text in candidates if _STRANGE.search(text)), "") if unit is None else ""
+    return Title(kind, tuple(named), axis, unit, increments, scale if unit else 1.0, strange=strange)
 
 
 def _unit_of(candidates: Sequence[str]) -> dict[str, str]:
@@ -266,7 +293,8 @@ def _kind(words: list[str], axis: int | None, found: dict[str, str], *, stated: 
         return "", False
     kind, increments = ("", False) if axis is None else _sensor(words, found)
     other = kind or (_other(words) if axis is None or not words else "")
-    if not other and axis is None and stated and "time" in found and not set(words) & (OTHER_WORDS | SPAN_WORDS):
+    timed = stated and "time" in found and (axis is None or not words)
+    if not other and timed and not set(words) & (OTHER_WORDS | SPAN_WORDS):
         other = "time"
     return other, increments
 
@@ -295,7 +323,7 @@ def _other(words: list[str]) -> str:
             return kind
     if "date" in have and have <= {"date", "day", "utc", "gps"}:
         return "date"
-    if have & TIME_WORDS and not have & (OTHER_WORDS - {"gps"}):
+    if have == {"offset", "time"} or (have & TIME_WORDS and not have & (OTHER_WORDS - {"gps"})):
         return "time"
     return "counter" if have & COUNTER_WORDS else ""
 

@@ -131,7 +131,7 @@ def _titles(sample: Sequence[bytes], columns: Sequence[Sequence[bytes]]) -> tupl
         for i, text in enumerate(parts[:-1]):
             if i:
                 units[i - 1], text = _unit(text)
-            name, colon = _name(text), bool(re.search(r"[:=]\s*$", text))
+            name, colon = _name(text), bool(re.search(r"[:=]\s*[(\[{]?\s*$", text))
             if text == ":" and i == 1 and len(values) == 2:  # gx:12.5:0.1, the time before the value
                 names[0], name, runs[0] = "", names[0], 0
             elif name and not colon and take_apart(name).kind not in ("gyro", "accel", "time"):
@@ -176,13 +176,13 @@ def _stem(name: str) -> str:
 
 def _unit(text: str) -> tuple[str, str]:
     """The unit at the start of the words behind a number, and the rest."""
-    match = re.match(r"\s*([^\s,;|:=\])]+)(?=[\s,;|\])]|$)(.*)", text, re.DOTALL)
+    match = re.match(r"\s*[)\]}]?\s*([^\s,;|:=\])]+)(?=[\s,;|\])]|$)(.*)", text, re.DOTALL)
     return (match[1], match[2]) if match and is_unit(match[1]) and match[1] not in "-#" else ("", text)
 
 
 def _name(text: str) -> str:
     """The words before a number that name it: those behind the last mark, with what an axis alone belongs to."""
-    text = re.split(r"[\])>|;,\t]", text.rstrip(" \t:=>"))[-1]
+    text = re.split(r"[\])>|;,\t]", text.rstrip(" \t:=>([{"))[-1]
     parts = [part.strip() for part in re.split(r"[:=]", text)]
     words = f"{parts[-2]} {parts[-1]}" if len(parts) > 1 and _AXIS.fullmatch(parts[-1]) else parts[-1]
     words = words.strip(" ([{<'\"*#-")

@@ -76,7 +76,7 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
         preset = None if ours or not titles else matching(titles, _preamble(layout), path.name)
         stated, usual = facts, _usual(preset)
     only = _only(preset, titles) or kinds_of(layout, path.name)
-    parts = [take_apart(title, unit) for title, unit in zip_longest(titles, layout.units, fillvalue="")]
+    parts = [take_apart(title, unit) for title, unit in zip_longest(titles, layout.units[: len(titles)], fillvalue="")]
     parts = _named(parts, "gyro") if only is not None and preset is None else _named_by_file(parts, path)
     of_rates = layout if only is None else rows_of(layout, only)
     chosen = _chosen(of_rates, parts, options, preset, path.name)
@@ -258,6 +258,8 @@ def with_titles(stated: Facts, chosen: Chosen, layout: TextLayout | None, clock:
         accel_unit=stated.accel_unit or chosen.accel_unit,
         increments=increments,
         rate_hz=rate_hz,
+        gyro_scale=chosen.scales.get("gyro"),
+        accel_scale=chosen.scales.get("accel"),
     )
 
 

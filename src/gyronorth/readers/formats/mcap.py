@@ -6,23 +6,35 @@ signature with the keys of the CSV's comment lines.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import re
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
+from gyronorth.readers.asking import ask
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
+from gyronorth.readers.formats.csv import open_csv
 from gyronorth.readers.imu_message import IMU_TYPES
+from gyronorth.readers.json_table import leaves_of, parsed, table_of
 from gyronorth.readers.library import check_whole, errors_translated, library
+from gyronorth.readers.lines import spooled
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, ros_messages, ros_texts, topics_source
-from gyronorth.readers.source import Source
+from gyronorth.readers.source import Question, Source
+from gyronorth.readers.titles import take_apart
+from gyronorth.recording import Note
 
 _CURE = "If it was recorded until power was lost: mcap recover IN.mcap -o OUT.mcap"
+#: Messages of JSON that are written as a table at a time.
+BATCH = 4096
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -42,6 +54,10 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
             }
             counts = summary.statistics.channel_message_counts
             times = summary.statistics.message_start_time, summary.statistics.message_end_time
+    if (topic := _json_topic(channels, options, path.name)) is not None:
+        return _of_json(path, topic, partial(_messages, path, topic, indexed, None, None), options)
+    if options.columns:
+        raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
     topics, encodings, other = _topics(channels, counts)
     facts = None
     if texts is not None:
@@ -119,6 +135,53 @@ def _topics(
         else:
             other.append(f"{channel.topic} ({kind or channel.message_encoding or 'no type'})")
     return topics, encodings, other
+
+
+def _json_topic(channels: dict[int, tuple[Any, Any]], options: ReadOptions, name: str) -> str | None:
+    """The topic of JSON messages that is read: the one declared, or the only one where no Imu message is of ROS."""
+    kinds = {channel.topic: schema.name if schema else "" for channel, schema in channels.values()}
+    texts = [channel.topic for channel, _ in channels.values() if channel.message_encoding == "json"]
+    if options.topic is not None:
+        return options.topic if options.topic in texts else None
+    if not texts or any(kind in IMU_TYPES for topic, kind in kinds.items() if topic not in texts):
+        return None
+    found = [topic for topic in texts if kinds[topic] in IMU_TYPES]
+    found = (
+        found or [topic for topic in texts if re.search("imu|inertial", topic + kinds[topic], re.IGNORECASE)] or texts
+    )
+    if len(found) > 1:
+        says = (
+            f"{name} has {len(found)} topics of JSON that may be an IMU: {', '.join(found[:12])}. Which one is meant?"
+        )
+        raise ask(name, options, [Question(says, ("--topic", found[0]), certain=False)])
+    return found[0]
+
+
+def _of_json(
+    path: Path, topic: str, messages: Callable[[], Iterator[tuple[int, bytes]]], options: ReadOptions
+) -> Source:
+    """Messages of JSON as a table, with the recorder's time where they carry none of their own."""
+    timed = False
+    with errors_translated(path.name, "MCAP file", _CURE):
+        head = json.loads(next(iter(messages()), (0, b"{}"))[1])
+        timed = any(take_apart(title).kind == "time" for title, _ in leaves_of(head))
+
+    def parts() -> Iterator[list[Any]]:
+        there = messages()
+        while batch := list(islice(there, BATCH)):
+            objects = parsed(b"[%b]" % b",".join(data for _, data in batch), path.name)
+            yield objects if timed else [
+                {"log_time (ns)": at} | one if isinstance(one, dict) else one
+                for (at, _), one in zip(batch, objects, strict=True)
+            ]  # fmt: skip
+
+    table = spooled(path, table_of(parts(), path.name))
+    source = open_csv(table.path, replace(options, topic=None, variable=None))
+    notes = () if timed else (Note("log_time_used", f"The messages of {topic} carry no time: the recorder's is used."),)
+    return replace(
+        source, format="mcap", name=path.name, topic=topic, ours=False, parts=None, held=table,
+        notes=(*source.notes, *notes), read_as=f"{topic} (JSON); {source.read_as}".removesuffix("; "),
+    )  # fmt: skip
 
 
 def _is_cdr(encodings: set[str], topic: str, profile: str, name: str) -> bool:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.readers.budget import check_claim
+from gyronorth.readers.facts import read_facts, warnings_text
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.npy import npy_header, tables
 from gyronorth.readers.held import held_source
@@ -33,7 +34,7 @@ SCHEMA = "gyronorth.recording/1"
 LARGEST_ARRAY = 1 << 30
 _BLOCK_ROWS = 1 << 14
 _KEYS = ("schema", "gyro_b", "accel_b", "rate_hz", "latitude", "heading_true", "session", "axes_assumed",
-         "start_time_utc", "rows_dropped", "gaps")  # fmt: skip
+         "start_time_utc", "rows_dropped", "gaps", "warnings")  # fmt: skip
 
 
 def open_npz(path: Path, options: ReadOptions) -> Source:
@@ -78,6 +79,7 @@ def open_npz(path: Path, options: ReadOptions) -> Source:
             start_time_utc=_text(arrays, "start_time_utc", path),
             rows_dropped=int(_number(arrays, "rows_dropped", path) or 0),
             gaps=_gaps(arrays, path),
+            warnings=_warnings(arrays, path),
         ),
         ours=True,
     )
@@ -107,6 +109,7 @@ def write_npz(outgoing: RecordingStream, path: Path) -> None:
             "axes_assumed": facts.axes_assumed,
             "start_time_utc": facts.start_time_utc,
             "rows_dropped": facts.rows_dropped,
+            "warnings": warnings_text(facts.warnings) or None,
             "gaps": np.array([[gap.start, gap.samples] for gap in facts.gaps], dtype=float).reshape(-1, 2),
         }
         archive = stack.enter_context(zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED))
@@ -164,6 +167,11 @@ def _text(arrays: dict[str, NDArray[Any]], key: str, path: Path) -> str | None:
     if value.shape != () or value.dtype.kind != "U":
         raise InputError(f"{path.name}: {key} is {str(value)[:40]!r}; one text is expected.")
     return str(value)
+
+
+def _warnings(arrays: dict[str, NDArray[Any]], path: Path) -> tuple[tuple[str, float | None], ...]:
+    text = _text(arrays, "warnings", path)
+    return () if text is None else read_facts({"warnings": text}, lambda _: path.name)[0].warnings
 
 
 def _gaps(arrays: dict[str, NDArray[Any]], path: Path) -> tuple[Gap, ...]:

@@ -1,6 +1,7 @@
 """Excel workbooks (.xlsx): the sheet with the recording goes, as text, to the reader of texts.
 
-The only sheet that has rows of numbers is taken; of several, `--variable` names one.
+The only sheet that has rows of numbers is taken, or a gyroscope's and an accelerometer's by their names; of others,
+`--variable` names one.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from typing import Any
 
 from gyronorth.apart import Apart
 from gyronorth.errors import InputError
-from gyronorth.readers.archive import is_workbook
+from gyronorth.readers.archive import OTHER_KINDS, is_workbook
 from gyronorth.readers.asking import ask
 from gyronorth.readers.budget import limits_of
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.csv import open_csv
+from gyronorth.readers.joining import joined, options_of_two
 from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import RATES, Question, Source
@@ -45,10 +47,15 @@ def open_workbook(path: Path, options: ReadOptions) -> Source:
     # A cell may stand in any of 2^34 places, and all before it are then gone through.
     child = Apart(lambda: lambda to: _as_text(path, options, to), limits=limits_of(path.stat().st_size), what=path.name)
     try:
-        name = child.ask(spooled.path)
+        name, accel = child.ask(spooled.path)
     finally:
         child.close()
-    source = open_csv(spooled.path, replace(options, variable=None))
+    if accel:
+        of_gyro, of_accel = options_of_two(replace(options, variable=None))
+        forces = replace(open_csv(_beside(spooled.path), of_accel), name=f"sheet {accel}")
+        source = joined(open_csv(spooled.path, of_gyro), forces, drop_bad_rows=options.drop_bad_rows)
+    else:
+        source = open_csv(spooled.path, replace(options, variable=None))
     return replace(
         source,
         format="xlsx",
@@ -59,8 +66,12 @@ def open_workbook(path: Path, options: ReadOptions) -> Source:
     )
 
 
-def _as_text(path: Path, options: ReadOptions, to: Path) -> str:
-    """Write the sheet with the recording as CSV, and give its name."""
+def _beside(path: Path) -> Path:
+    return path.with_name(f"{path.name}-accel")
+
+
+def _as_text(path: Path, options: ReadOptions, to: Path) -> tuple[str, str]:
+    """Write the sheet with the recording as CSV, and give its name and that of the accelerometer's, "" without one."""
     import openpyxl
 
     with errors_translated(path.name, ".xlsx workbook"):
@@ -68,28 +79,33 @@ def _as_text(path: Path, options: ReadOptions, to: Path) -> str:
         try:
             for sheet in book.worksheets:
                 sheet.reset_dimensions()  # what a sheet says of its size, rows would be filled up to
-            name = _sheet(book, options, path.name)
-            with to.open("w", newline="", encoding="utf-8") as text:
-                csv.writer(text).writerows(_rows(book[name]))
+            names = _sheets(book, options, path.name)
+            for sheet, file in zip(names, (to, _beside(to)), strict=True):
+                with file.open("w", newline="", encoding="utf-8") as text:
+                    csv.writer(text).writerows(_rows(book[sheet]) if sheet else ())
         finally:
             book.close()
-    return name
+    return names
 
 
-def _sheet(book: Any, options: ReadOptions, name: str) -> str:
+def _sheets(book: Any, options: ReadOptions, name: str) -> tuple[str, str]:
     wanted = options.variable
     titles = [sheet.title for sheet in book.worksheets]
     if wanted is not None:
         if wanted not in titles:
             raise InputError(f"{name} has no sheet {wanted!r}; it holds {', '.join(titles[:12])}.")
-        return wanted
+        return wanted, ""
     found = [sheet.title for sheet in book.worksheets if _has_numbers(sheet)]
     if not found:
         raise InputError(f"{name} has no sheet with rows of numbers; it holds {', '.join(titles[:12]) or 'no sheet'}.")
+    gyros, accels = ([title for title in found if each in title.lower()] for each in ("gyr", "acc"))
+    accels = [title for title in accels if not any(kind in title.lower() for kind in OTHER_KINDS)]
+    if len(gyros) == len(accels) == 1 and gyros != accels and options.needed == RATES:
+        return gyros[0], accels[0]
     if len(found) > 1:
         says = f"{name} has {len(found)} sheets with rows of numbers: {', '.join(found[:12])}. Which one is meant?"
-        raise ask(name, options, [Question(says, ("--variable", found[0]), certain=False)])
-    return found[0]
+        raise ask(name, options, [Question(says, ("--variable", (gyros or found)[0]), certain=False)])
+    return found[0], ""
 
 
 def _has_numbers(sheet: Any) -> bool:
