@@ -103,6 +103,9 @@ class Protocol:
     layouts: Callable[[Bytes], Index]
     #: The numbers of frames of one layout and length.
     fields: Callable[[Bytes, int], Fields]
+    #: For protocols whose frames are lines of text, or some of them: which lines of a buffer, by their starts and
+    #: lengths, are whole, and their layouts. Lines differ in length too much to be taken as rows.
+    judge_lines: Callable[[Bytes, Index, Index], tuple[Mask, Index]] | None = None
     #: What of a layout is read, as bits of it: a frame whose layout has all of them is read like it, whatever else it
     #: holds. None: only frames of the very layout are.
     reads: Callable[[int], int] | None = None

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
-from gyronorth.frames.checksums import xor_8
-from gyronorth.frames.protocol import Bytes
+from gyronorth.frames.framing import windows
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, scale_as_sent
 
 _HEX = np.full(256, -1, np.int64)
 for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
@@ -49,17 +49,52 @@ def hex_at_end(rows: Bytes, digits: int) -> Index:
     return np.where((values >= 0).all(axis=1), number, -1)
 
 
-def xor_holds(rows: Bytes) -> Mask:
+def xor_holds(data: Bytes, start: Index, length: Index) -> Mask:
     """Whether the two digits behind the asterisk are the XOR of all characters between the first one and it, (n,)."""
-    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
+    if not len(start):
+        return np.zeros(0, bool)
+    star = start + length - 3
+    part = np.column_stack((np.minimum(start + 1, star), star)).ravel()
+    xor = np.where(star > start + 1, np.bitwise_xor.reduceat(data, part)[::2], 0)
+    return xor == hex_at_end(windows(data, star + 1, 2), 2)
 
 
-def commas_if_named(rows: Bytes, name: bytes) -> Index:
-    """Commas of each line that begins with a name, (n,); -1 where it does not."""
-    if rows.shape[1] < len(name):
-        return np.full(len(rows), -1, np.int64)
-    named = (rows[:, : len(name)] == np.frombuffer(name, np.uint8)).all(axis=1)
-    return np.where(named, (rows == ord(",")).sum(axis=1), -1)
+def begins_with(data: Bytes, start: Index, name: bytes) -> Mask:
+    """Whether a name stands at places of a buffer, (n,)."""
+    here = np.asarray(start + len(name) <= len(data))
+    here[here] = (windows(data, start[here], len(name)) == np.frombuffer(name, np.uint8)).all(axis=1)
+    return here
+
+
+def fields_if_named(data: Bytes, start: Index, length: Index, name: bytes) -> Index:
+    """Commas of each line that begins with a name, (n,); `OTHER` where it does not."""
+    commas = np.flatnonzero(data == ord(","))
+    count = np.searchsorted(commas, start + length) - np.searchsorted(commas, start)
+    return np.where(begins_with(data, start, name), count, OTHER)
+
+
+def protocol_of_lines(
+    name: str,
+    starts: Callable[[Bytes], tuple[Index, Index]],
+    judge: Callable[[Bytes, Index, Index], tuple[Mask, Index]],
+    fields: Callable[[Bytes, int], Fields],
+    scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent,
+) -> Protocol:
+    """A protocol whose frames are all lines with the exclusive or of their characters."""
+    return Protocol(
+        name,
+        3,
+        starts,
+        lambda rows: np.zeros(len(rows), bool),
+        lambda rows: np.full(len(rows), OTHER, np.int64),
+        fields,
+        judge_lines=judge,
+        scale=scale,
+        line_ends=True,
+        lines=lambda _layout: True,
+        message=name_of,
+        summed=True,
+    )
 
 
 def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: int = 0) -> Array:
