@@ -35,6 +35,8 @@ _WEEK_S = 604800.0
 #: Bits of the information byte of RAWIMUX and RAWIMUSX.
 _ERROR, _ENCRYPTED = 0x01, 0x02
 _FOOT = 0.3048
+#: NovAtel's CRC-32 is that of zlib, but with start 0 and without the final exclusive or.
+_ONES = 0xFFFFFFFF
 #: Added to the layout of lines of text.
 _TEXT = 1_000_000_000
 #: Stands for a type of IMU that is none.
@@ -106,13 +108,8 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
 
 def _whole(rows: Bytes) -> Mask:
     data, size = memoryview(rows.tobytes()), rows.shape[1]
-    crc = [_crc(data[at : at + size - 4]) for at in range(0, len(data), size)]
-    return np.array(crc, np.int64) == column(rows, size - 4, "<u4")
-
-
-def _crc(data: memoryview) -> int:
-    """NovAtel's CRC-32 is that of zlib, but with start 0 and without the final exclusive or."""
-    return crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
+    crc = [crc32(data[at : at + size - 4], _ONES) for at in range(0, len(data), size)]
+    return np.array(crc, np.int64) ^ _ONES == column(rows, size - 4, "<u4")
 
 
 def _layouts(rows: Bytes) -> Index:
@@ -128,8 +125,8 @@ def _layouts(rows: Bytes) -> Index:
 def _judge_lines(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
     """Which lines NAME,header;body*checksum are whole, and their layouts: the same, + `_TEXT`."""
     star, view = start + length - 9, memoryview(np.ascontiguousarray(data))
-    crc = [_crc(view[first:end]) for first, end in zip((start + 1).tolist(), star.tolist(), strict=True)]
-    whole = np.array(crc, np.int64) == hex_at_end(windows(data, star + 1, 8), 8)
+    crc = [crc32(view[first:end], _ONES) for first, end in zip((start + 1).tolist(), star.tolist(), strict=True)]
+    whole = np.array(crc, np.int64) ^ _ONES == hex_at_end(windows(data, star + 1, 8), 8)
     body = np.append(np.flatnonzero(data == ord(";")), len(data))
     body = body[np.searchsorted(body, start)]
     comma = np.flatnonzero(data == ord(","))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 
 import numpy as np
 
@@ -13,11 +14,6 @@ from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, S
 _HEX = np.full(256, -1, np.int64)
 for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
     _HEX[np.frombuffer(_digits, np.uint8)] = np.arange(16)
-#: Digits of an integer that a float holds exactly.
-_EXACT_DIGITS = 15
-_POWERS = 10.0 ** np.arange(_EXACT_DIGITS + 1)
-#: Characters of a field whose number fits in 32 bits.
-_SHORT = 8
 
 
 def line_starts(data: Bytes, starts: Index, digits: int, longest: int) -> tuple[Index, Index]:
@@ -111,48 +107,16 @@ def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: in
     begin : int
         Characters at the begin that belong to none of these fields.
     """
-    text = np.full((len(rows), rows.shape[1] + end - begin + 1), ord(","), np.uint8)
-    text[:, :-1] = rows[:, begin:end]
-    text[text == ord(";")] = ord(",")
-    flat = text.ravel()
-    commas = np.flatnonzero(flat == ord(","))
-    last = np.searchsorted(commas, np.arange(1, len(rows) + 1) * text.shape[1]) - 1  # the one put behind each line
-    before = last[:, None] + np.array(columns)
-    starts = np.where(before < 0, 0, commas[np.maximum(before, 0)] + 1).ravel()
-    sizes = commas[before + 1].ravel() - starts
-    values, short = np.empty(len(starts)), sizes <= _SHORT
-    for group in (short, ~short):
-        values[group] = _numbers(flat, starts[group], sizes[group])
+    text, width = rows[:, begin:end].tobytes().replace(b";", b","), rows.shape[1] + end - begin
+    chosen, least = itemgetter(*columns), -min(columns)
+    fields = [
+        field for at in range(0, len(text), width) for field in chosen(text[at : at + width].rsplit(b",", least))
+    ]
+    try:
+        values = np.fromiter(map(float, fields), float, len(fields))
+    except ValueError:
+        values = np.array([_number(field) for field in fields])
     return values.reshape(len(rows), len(columns))
-
-
-def _numbers(text: Bytes, start: Index, size: Index) -> Array:
-    """The numbers that begin at places of a text, (n,); NaN for what is none.
-
-    Up to 15 digits are an integer that a float holds exactly, and so is the power of ten that it is divided by: the
-    quotient is the float nearest to the text. Other numbers go through `float`.
-    """
-    width = int(min(size.max(initial=0), _EXACT_DIGITS + 2))  # with sign and point
-    dtype = np.int32 if width <= _SHORT else np.int64
-    number, digits, decimals = np.zeros(len(start), dtype), np.zeros(len(start), np.int8), np.zeros(len(start), np.int8)
-    pointed, plain = np.zeros(len(start), bool), size <= width
-    for place in range(width):
-        within = place < size
-        char = text[np.minimum(start + place, len(text) - 1)]
-        digit = char - np.uint8(ord("0"))  # wraps: what is below 0 is far above 9
-        is_digit, is_point = (digit <= 9) & within, (char == ord(".")) & within & ~pointed
-        is_sign = ((char == ord("-")) | (char == ord("+"))) & (place == 0)
-        plain &= is_digit | is_point | is_sign | ~within
-        number = np.where(is_digit, number * dtype(10) + digit, number)
-        digits += is_digit
-        decimals += is_digit & pointed
-        pointed |= is_point
-    plain &= (digits > 0) & (digits <= _EXACT_DIGITS)
-    value = number / _POWERS[np.minimum(decimals, _EXACT_DIGITS)]
-    value = np.where(text[np.minimum(start, len(text) - 1)] == ord("-"), -value, value)
-    for i in np.flatnonzero(~plain).tolist():
-        value[i] = _number(text[start[i] : start[i] + size[i]].tobytes())
-    return value
 
 
 def _number(text: bytes) -> float:
