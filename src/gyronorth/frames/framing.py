@@ -19,7 +19,7 @@ def windows(data: Bytes, starts: Index, size: int) -> Bytes:
     """Copies of `size` bytes from each of `starts`, (k, size)."""
     if not len(starts):
         return np.empty((0, size), np.uint8)
-    return np.ndarray((len(data) - size + 1, size), np.uint8, data, strides=(1, 1))[starts]
+    return np.lib.stride_tricks.as_strided(data, (len(data) - size + 1, size), (1, 1))[starts]
 
 
 @dataclass(frozen=True)

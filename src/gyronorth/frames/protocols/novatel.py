@@ -124,7 +124,7 @@ def _layouts(rows: Bytes) -> Index:
 
 def _judge_lines(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
     """Which lines NAME,header;body*checksum are whole, and their layouts: the same, + `_TEXT`."""
-    star, view = start + length - 9, memoryview(np.ascontiguousarray(data))
+    star, view = start + length - 9, memoryview(data.tobytes())
     crc = [crc32(view[first:end], _ONES) for first, end in zip((start + 1).tolist(), star.tolist(), strict=True)]
     whole = np.array(crc, np.int64) ^ _ONES == hex_at_end(windows(data, star + 1, 8), 8)
     body = np.append(np.flatnonzero(data == ord(";")), len(data))

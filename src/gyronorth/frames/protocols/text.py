@@ -89,7 +89,7 @@ def protocol_of_lines(
         line_ends=True,
         lines=lambda _layout: True,
         message=name_of,
-        summed=True,
+        doubt="always",
     )
 
 
@@ -109,9 +109,7 @@ def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: in
     """
     text, width = rows[:, begin:end].tobytes().replace(b";", b","), rows.shape[1] + end - begin
     chosen, least = itemgetter(*columns), -min(columns)
-    fields = [
-        field for at in range(0, len(text), width) for field in chosen(text[at : at + width].rsplit(b",", least))
-    ]
+    fields = [field for at in range(0, len(text), width) for field in chosen(text[at : at + width].rsplit(b",", least))]
     try:
         values = np.fromiter(map(float, fields), float, len(fields))
     except ValueError:

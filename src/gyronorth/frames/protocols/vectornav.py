@@ -188,6 +188,7 @@ PROTOCOL = Protocol(
     judge_lines=_judge_lines,
     force=_force,
     line_ends=True,
+    doubt="beside damage",
     rank=lambda layout: layout & 15,
     message=lambda row: name_of(row) if row[0] == ord("$") else "binary output without rate",
 )
