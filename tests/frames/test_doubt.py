@@ -108,6 +108,19 @@ def test_a_wrong_sample_whose_crc_holds_is_left_out_beside_damage_and_kept_in_a_
     assert np.abs(samples.gyro).max() < 0.1
 
 
+@pytest.mark.parametrize("name", SHORT)
+def test_two_wrong_samples_in_a_row_are_left_out_beside_damage(name):
+    case = made(name)
+    frames = list(case.frames)
+    rates = [(1 << 26, 1.0), (-(1 << 25), -0.7)]
+    for place, (whole, rate) in zip((1500, 1501), rates, strict=True):
+        sent = struct.pack("<i", whole) if name == "sbg-short" else struct.pack("<f", rate)
+        frames[place] = of_another_rate(name, frames[place], sent)
+    frames[1400] = frames[1400][:-4] + bytes(4)
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    assert (len(samples), report.unusable, report.lost) == (N - 3, 2, 3)
+
+
 def fast(values: np.ndarray) -> bytes:
     force = (0x4020, np.array([0, 0, G], ">f4").tobytes())
     return b"".join(

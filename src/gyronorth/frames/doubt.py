@@ -7,7 +7,7 @@ Where the next goes on from it, or from neither, the unit itself has changed, an
 less than the noise cannot be told.
 
 A CRC-16 finds two wrong bits, and lets one damaged frame of 65,536 pass: one is doubted only where others were found to
-be damaged not long before.
+be damaged not long before. There two wrong ones in a row, which do not go on from each other, are found too.
 """
 
 from __future__ import annotations
@@ -116,13 +116,13 @@ class Doubt:
         line = _Line(values, steps, usable, fields.ticks, fields.counter, np.cumsum(shown), np.cumsum(loose, dtype=int))
         limit = self._limits(steps)
         since = self._since_damage(loose)
-        doubted = np.ones(len(usable), bool) if self._always else since < BESIDE
+        doubt = np.where(since < BESIDE, 2, int(self._always))
         known = self._last is not None
-        doubted = np.append(False, doubted) if known else doubted
+        doubt = np.append(0, doubt) if known else doubt
         line = line if self._last is None else line.behind(self._last)
         damaged = np.zeros(len(line.usable), bool)
         limit = np.concatenate((limit[:1], limit)) if known else limit
-        end = self._walk(line, fields, limit, doubted, damaged, last) - known
+        end = self._walk(line, fields, limit, doubt, damaged, last) - known
         damaged = damaged[known:]
         good = np.flatnonzero(~damaged[:end])
         if len(good):
@@ -139,13 +139,13 @@ class Doubt:
         latest = np.maximum.accumulate(np.where(loose, places, -1 - self._since))
         return np.minimum(places - latest, BESIDE)
 
-    def _walk(self, line: _Line, fields: Fields, limit: Array, doubted: Mask, damaged: Mask, last: bool) -> int:
-        """Mark the damaged ones of those that are doubted, and return up to where it is decided."""
+    def _walk(self, line: _Line, fields: Fields, limit: Array, doubt: Index, damaged: Mask, last: bool) -> int:
+        """Mark the damaged ones of those in doubt (2: of pairs too), and return up to where it is decided."""
         n = len(line.usable)
         odd = ~self._goes_on(line, fields, np.arange(n - 1), np.arange(1, n), limit[1:])
         odd |= ~line.usable[:-1] | ~line.usable[1:]
         odd = np.append(not line.usable[0] or (self._last is None and n > 1 and odd[0]), odd)
-        odd &= doubted | ~line.usable
+        odd &= (doubt > 0) | ~line.usable
         usable_at = np.flatnonzero(line.usable)
         before = -1  # the last one that is not damaged
         for place in np.flatnonzero(odd).tolist():
@@ -157,7 +157,7 @@ class Doubt:
                 damaged[place] = self._first_is_odd(line, fields, limit, place)
                 continue
             one = (line, fields, np.array([before]), np.array([place]), limit[place : place + 1])
-            if self._goes_on(*one)[0]:
+            if self._goes_on_at(line, fields, limit, before, place):
                 continue
             next_ = np.searchsorted(usable_at, place, side="right")
             if next_ == len(usable_at):
@@ -166,6 +166,14 @@ class Doubt:
                 damaged[place] = True
                 continue
             damaged[place] = self._returns(*one, usable_at[next_ : next_ + 1])
+            if damaged[place] or doubt[place] < 2 or self._goes_on_at(line, fields, limit, place, usable_at[next_]):
+                continue
+            if next_ + 1 == len(usable_at):
+                if not last:
+                    return place
+                continue
+            if not self._goes_on_at(line, fields, limit, before, usable_at[next_]):
+                damaged[place] = self._returns(*one, usable_at[next_ + 1 : next_ + 2])
         return n
 
     def _first_is_odd(self, line: _Line, fields: Fields, limit: Array, place: int) -> bool:
@@ -174,6 +182,9 @@ class Doubt:
             return False
         from_, to = np.array([place, place + 1]), np.array([place + 1, place + 2])
         return self._goes_on(line, fields, from_, to, limit[to]).tolist() == [False, True]
+
+    def _goes_on_at(self, line: _Line, fields: Fields, limit: Array, from_: int, to: int) -> bool:
+        return bool(self._goes_on(line, fields, np.array([from_]), np.array([to]), limit[to : to + 1])[0])
 
     def _goes_on(self, line: _Line, fields: Fields, from_: Index, to: Index, limit: Array) -> Mask:
         """Whether the samples `to` go on from the samples `from_`, (m,)."""
