@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import binascii
+import struct
 from functools import cache
 
 import numpy as np
 import pytest
-from frames.encoders import CASES, Case, G, xbus_frame
+from frames.encoders import CASES, Case, G, anpp_frame, sbg_frame, xbus_frame
 
 from gyronorth.frames import FrameStream, decode
+from gyronorth.frames.clock import rate_of_clock
 from gyronorth.frames.framing import Framer
+from gyronorth.frames.protocol import Fields
 from gyronorth.frames.registry import protocol_of
 
-SUMMED = [name for name in CASES if protocol_of(CASES[name](1).protocol).summed]
+SUMMED = [name for name in CASES if protocol_of(CASES[name](1).protocol).doubt == "always"]
+SHORT = [name for name in CASES if protocol_of(CASES[name](1).protocol).doubt == "beside damage"]
 N = 3000
 #: Shares of the noise of one sample: what is wrong by less cannot be told from it.
 TOLD = 20.0
@@ -75,6 +80,49 @@ def test_what_the_unit_itself_does_is_left(name):
     assert (len(samples), report.unusable) == (len(frames), 0)
 
 
+#: Where the first rate stands in a frame, as a little-endian float or, of "sbg-short", a whole number.
+RATE_AT = {"sbg-short": 24, "sbg-data": 52, "anpp": 17, "vectornav-delta": 58, "vectornav-raw": 38}
+
+
+def of_another_rate(name: str, frame: bytes, rate: bytes) -> bytes:
+    """The frame with another rate, and a CRC that holds."""
+    spoiled = frame[: RATE_AT[name]] + rate + frame[RATE_AT[name] + 4 :]
+    if name == "anpp":
+        return anpp_frame(spoiled[1], spoiled[5:])
+    if name.startswith("sbg"):
+        return sbg_frame(spoiled[2], spoiled[6:-3])
+    return spoiled[:-2] + struct.pack(">H", binascii.crc_hqx(spoiled[1:-2], 0))
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_wrong_sample_whose_crc_holds_is_left_out_beside_damage_and_kept_in_a_clean_stream(name):
+    """It stands for the one damaged frame of 65,536 whose CRC-16 holds."""
+    case = made(name)
+    frames = list(case.frames)
+    rate = struct.pack("<i", 1 << 26) if name == "sbg-short" else struct.pack("<f", 1.0)  # 1 rad/s, or 100 deg/s
+    frames[1500] = of_another_rate(name, frames[1500], rate)
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    assert (len(samples), report.unusable, report.lost) == (N, 0, 0)
+    assert samples.gyro[1500, 0] > 0.1
+    frames[1400] = frames[1400][:-4] + bytes(4)
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    assert (len(samples), report.unusable, report.lost) == (N - 2, 1, 2)
+    assert np.abs(samples.gyro).max() < 0.1
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_two_wrong_samples_in_a_row_are_left_out_beside_damage(name):
+    case = made(name)
+    frames = list(case.frames)
+    rates = [(1 << 26, 1.0), (-(1 << 25), -0.7)]
+    for place, (whole, rate) in zip((1500, 1501), rates, strict=True):
+        sent = struct.pack("<i", whole) if name == "sbg-short" else struct.pack("<f", rate)
+        frames[place] = of_another_rate(name, frames[place], sent)
+    frames[1400] = frames[1400][:-4] + bytes(4)
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    assert (len(samples), report.unusable, report.lost) == (N - 3, 2, 3)
+
+
 def fast(values: np.ndarray) -> bytes:
     force = (0x4020, np.array([0, 0, G], ">f4").tobytes())
     return b"".join(
@@ -127,3 +175,25 @@ def test_the_next_sample_frees_one_in_doubt():
     stream.feed(data[: 150 * size])
     given = [stream.feed(data[i * size : (i + 1) * size]) for i in range(150, 160)]
     assert [0 if part is None else len(part) for part in given] == [0, 2, *[1] * 8]
+
+
+@pytest.mark.parametrize("rate_hz", [246.3, 1000.0])
+@pytest.mark.parametrize("tick", [1e-6, 1e-3])
+@pytest.mark.parametrize("off_s", [2e-3, 14e-3, 0.13, 4.295, 50.0])
+def test_a_damaged_time_stamp_at_the_start_changes_no_rate(rate_hz, tick, off_s):
+    ticks = np.floor(np.arange(64) / rate_hz / tick + 0.5).astype(np.int64)
+    for place in (0, 20, 63):
+        spoiled = ticks.copy()
+        spoiled[place] += round(off_s / tick)
+        found = rate_of_clock(Fields(gyro=np.zeros((64, 3)), accel=None, ticks=spoiled, tick=tick))
+        within = 1e-4 if tick < 1e-5 else 0.03  # of ticks of 1 ms, two over 64 samples
+        assert found == pytest.approx(rate_hz, rel=within), (place, off_s)
+
+
+@pytest.mark.parametrize("name", ["sbg-data", "anpp", "vectornav-delta", "vectornav-raw"])
+def test_a_signalling_nan_makes_no_warning_and_no_sample(name):
+    case = made(name)
+    frames = list(case.frames[:200])
+    frames[150] = of_another_rate(name, frames[150], b"\x01\x00\x80\x7f")
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    assert (len(samples), report.unusable) == (199, 1)

@@ -16,6 +16,9 @@ NOMINAL_HZ = (
 )  # fmt: skip
 #: A step of the clock that is longer than this, s, is a restart of the clock and no gap.
 LONGEST_GAP_S = 60.0
+#: Of the first steps of the clock, those longer than so many usual ones tell no rate, nor those so many times as far
+#: off as others are: a damaged time stamp makes two.
+FAR, STRAY = 20, 6
 #: A step of the clock of more samples than this, between two neighbours by the counter and by the bytes, sets it anew.
 CLOCK_SET = 20
 #: A step of the clock agrees with the number of samples that the bytes show when it is not further off, in samples.
@@ -49,15 +52,20 @@ def rate_of_clock(fields: Fields) -> float | None:
     if fields.ticks is None or len(fields.ticks) < 3:
         return None
     steps = clock_steps(fields.ticks, fields.tick, fields.tick_wrap)
-    steps = steps[np.isfinite(steps)]
-    if not (steps > 0).any():
+    known = np.isfinite(steps)
+    if not (steps[known] > 0).any():
         return None
-    usual = float(np.median(steps[steps > 0]))
+    usual = float(np.median(steps[known & (steps > 0)]))
+    whole = np.append(known[1:], False) & np.append(False, known[:-1])  # steps on both sides that do not go back
+    steps = steps[known & (steps <= np.where(whole, FAR, 2) * usual)]
     if usual < 3 * fields.tick:  # a coarse clock: the fewest samples that a step may count
         usual = float(steps.mean())
         counted = np.maximum(np.ceil((steps - 1.01 * fields.tick) / usual), 1)
     else:
         counted = np.maximum(np.round(steps / usual), 1)
+        usual = float(steps.sum() / counted.sum())
+        residuals = np.abs(steps - usual * counted)
+        steps, counted = (each[residuals <= STRAY * np.median(residuals) + fields.tick] for each in (steps, counted))
         usual = float(steps.sum() / counted.sum())
         counted = np.maximum(np.round(steps / usual), 1)
     rate, residual = counted.sum() / steps.sum(), np.abs(steps - usual * counted).max()

@@ -1,10 +1,13 @@
-"""Frames whose checksum is a sum: what the frames on both sides say against one.
+"""Frames whose checksum is a sum, or short: what the frames on both sides say against one.
 
 Two errors can undo each other in a sum: of frames with two wrong bits, one in eight passes an exclusive or of bytes,
 and one in sixteen a sum of bytes. A frame that does not go on from the one before waits for the next. It is damaged
 where the next goes on from the one before as if it were not there: by the clock, by the counter, or in the numbers.
 Where the next goes on from it, or from neither, the unit itself has changed, and nothing is left out. What is wrong by
 less than the noise cannot be told.
+
+A CRC-16 finds two wrong bits, and lets one damaged frame of 65,536 pass: one is doubted only where others were found to
+be damaged not long before. There two wrong ones in a row, which do not go on from each other, are found too.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ BACK = 0.25
 ALONE = 4.0
 #: Samples over which the usual step is taken.
 BLOCK = 64
+#: Samples behind a damaged frame in which others are likely.
+BESIDE = 4096
 
 
 @dataclass(frozen=True)
@@ -74,10 +79,13 @@ class Doubt:
         Between samples, s.
     stride : int or None
         By how much the sequence counter usually moves.
+    always : bool
+        Whether all frames are doubted, not only those at most `BESIDE` samples behind a damaged one.
     """
 
-    def __init__(self, interval: float | None, stride: int | None) -> None:
-        self._interval, self._stride = interval, stride
+    def __init__(self, interval: float | None, stride: int | None, *, always: bool) -> None:
+        self._interval, self._stride, self._always = interval, stride, always
+        self._since = BESIDE  # samples since one behind bytes of no frame
         self._last: _Line | None = None  # the last sample that was taken
         self._value: Array | None = None  # of the last sample, taken or not, (1, k)
         self._steps = np.empty((0, 0))  # steps since the usual one was taken, (m, k)
@@ -107,24 +115,37 @@ class Doubt:
         steps = np.abs(np.diff(values, axis=0, prepend=values[:1] if self._value is None else self._value))
         line = _Line(values, steps, usable, fields.ticks, fields.counter, np.cumsum(shown), np.cumsum(loose, dtype=int))
         limit = self._limits(steps)
+        since = self._since_damage(loose)
+        doubt = np.where(since < BESIDE, 2, int(self._always))
         known = self._last is not None
+        doubt = np.append(0, doubt) if known else doubt
         line = line if self._last is None else line.behind(self._last)
         damaged = np.zeros(len(line.usable), bool)
         limit = np.concatenate((limit[:1], limit)) if known else limit
-        end = self._walk(line, fields, limit, damaged, last) - known
+        end = self._walk(line, fields, limit, doubt, damaged, last) - known
         damaged = damaged[known:]
         good = np.flatnonzero(~damaged[:end])
         if len(good):
             self._last = line.at(int(good[-1]) + known)
         self._keep(values[:end], steps[:end])
+        self._since = int(since[end - 1]) if end else self._since
         return damaged[:end], end
 
-    def _walk(self, line: _Line, fields: Fields, limit: Array, damaged: Mask, last: bool) -> int:
-        """Mark the damaged ones, and return up to where it is decided."""
+    def _since_damage(self, loose: Mask) -> Index:
+        """Of each sample, how many ago bytes of no frame came, (n,)."""
+        places = np.arange(len(loose))
+        if self._last is None and len(loose):
+            loose = np.append(False, loose[1:])  # a stream that begins in the middle of a frame is not damaged
+        latest = np.maximum.accumulate(np.where(loose, places, -1 - self._since))
+        return np.minimum(places - latest, BESIDE)
+
+    def _walk(self, line: _Line, fields: Fields, limit: Array, doubt: Index, damaged: Mask, last: bool) -> int:
+        """Mark the damaged ones of those in doubt (2: of pairs too), and return up to where it is decided."""
         n = len(line.usable)
         odd = ~self._goes_on(line, fields, np.arange(n - 1), np.arange(1, n), limit[1:])
         odd |= ~line.usable[:-1] | ~line.usable[1:]
         odd = np.append(not line.usable[0] or (self._last is None and n > 1 and odd[0]), odd)
+        odd &= (doubt > 0) | ~line.usable
         usable_at = np.flatnonzero(line.usable)
         before = -1  # the last one that is not damaged
         for place in np.flatnonzero(odd).tolist():
@@ -136,7 +157,7 @@ class Doubt:
                 damaged[place] = self._first_is_odd(line, fields, limit, place)
                 continue
             one = (line, fields, np.array([before]), np.array([place]), limit[place : place + 1])
-            if self._goes_on(*one)[0]:
+            if self._goes_on_at(line, fields, limit, before, place):
                 continue
             next_ = np.searchsorted(usable_at, place, side="right")
             if next_ == len(usable_at):
@@ -145,6 +166,14 @@ class Doubt:
                 damaged[place] = True
                 continue
             damaged[place] = self._returns(*one, usable_at[next_ : next_ + 1])
+            if damaged[place] or doubt[place] < 2 or self._goes_on_at(line, fields, limit, place, usable_at[next_]):
+                continue
+            if next_ + 1 == len(usable_at):
+                if not last:
+                    return place
+                continue
+            if not self._goes_on_at(line, fields, limit, before, usable_at[next_]):
+                damaged[place] = self._returns(*one, usable_at[next_ + 1 : next_ + 2])
         return n
 
     def _first_is_odd(self, line: _Line, fields: Fields, limit: Array, place: int) -> bool:
@@ -153,6 +182,9 @@ class Doubt:
             return False
         from_, to = np.array([place, place + 1]), np.array([place + 1, place + 2])
         return self._goes_on(line, fields, from_, to, limit[to]).tolist() == [False, True]
+
+    def _goes_on_at(self, line: _Line, fields: Fields, limit: Array, from_: int, to: int) -> bool:
+        return bool(self._goes_on(line, fields, np.array([from_]), np.array([to]), limit[to : to + 1])[0])
 
     def _goes_on(self, line: _Line, fields: Fields, from_: Index, to: Index, limit: Array) -> Mask:
         """Whether the samples `to` go on from the samples `from_`, (m,)."""

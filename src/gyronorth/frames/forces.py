@@ -120,7 +120,8 @@ class ForceTrack:
         force = Force.none(len(frames))
         for length in np.unique(frames.length[frames.layout > -2]).tolist():
             index = np.flatnonzero((frames.length == length) & (frames.layout > -2))
-            part = self._protocol.force(frames.rows(index), interval)
+            with np.errstate(invalid="ignore"):
+                part = self._protocol.force(frames.rows(index), interval)
             good = part.here & (np.abs(part.value) < LARGEST_FORCE).all(axis=1)
             force.here[index[good]], force.value[index[good]] = True, part.value[good]
             force.saturated[index[good]] = part.saturated[good]

@@ -19,7 +19,7 @@ def windows(data: Bytes, starts: Index, size: int) -> Bytes:
     """Copies of `size` bytes from each of `starts`, (k, size)."""
     if not len(starts):
         return np.empty((0, size), np.uint8)
-    return np.lib.stride_tricks.sliding_window_view(data, size)[starts]
+    return np.lib.stride_tricks.as_strided(data, (len(data) - size + 1, size), (1, 1))[starts]
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,8 @@ def without(frames: Frames, places: Index) -> tuple[Frames, int]:
     return left, int(of_none[-1] - skipped.sum()) if len(frames) else 0
 
 
+#: Which bytes begin a line.
+_LINE_MARK = np.isin(np.arange(256), np.frombuffer(b"$#%", np.uint8))
 _NAMES = ("data", "length", "start", "layout", "skipped")
 _NONE = Frames(np.empty(0, np.uint8), *(np.empty(0, np.int64) for _ in _NAMES[1:]))
 
@@ -122,7 +124,12 @@ class Framer:
 
     def _judge(self, data: Bytes, start: Index, length: Index, complete: np.ndarray) -> tuple[np.ndarray, Index]:
         whole, layout = np.zeros(len(start), bool), np.full(len(start), -1, np.int64)
-        open_, sizes = complete.copy(), np.unique(length[complete]).tolist()
+        open_ = complete.copy()
+        if self._protocol.judge_lines is not None:
+            lines = np.flatnonzero(complete & _LINE_MARK[data[start]])
+            whole[lines], layout[lines] = self._protocol.judge_lines(data, start[lines], length[lines])
+            open_[lines] = False
+        sizes = np.unique(length[open_]).tolist()
         for size in sorted(sizes, key=lambda size: size != self._usual):  # the usual one first
             index = np.flatnonzero(open_ & (length == size))
             if not len(index):

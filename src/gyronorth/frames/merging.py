@@ -44,6 +44,11 @@ def some_of(fields: Fields, which: slice | Mask) -> Fields:
 
 def fields_of(protocol: Protocol, layout: int, frames: Frames, index: Index) -> Fields:
     """Fields of the frames `index`, which may be of several lengths and, where these are read alike, layouts."""
+    with np.errstate(invalid="ignore"):  # what is no number is none of a usable sample
+        return _fields_of(protocol, layout, frames, index)
+
+
+def _fields_of(protocol: Protocol, layout: int, frames: Frames, index: Index) -> Fields:
     if protocol.lines(layout):
         return protocol.fields(frames.lines(index), layout)
     kinds = frames.length[index]

@@ -103,6 +103,9 @@ class Protocol:
     layouts: Callable[[Bytes], Index]
     #: The numbers of frames of one layout and length.
     fields: Callable[[Bytes, int], Fields]
+    #: For protocols whose frames are lines of text, or some of them: which lines of a buffer, by their starts and
+    #: lengths, are whole, and their layouts. Lines differ in length too much to be taken as rows.
+    judge_lines: Callable[[Bytes, Index, Index], tuple[Mask, Index]] | None = None
     #: What of a layout is read, as bits of it: a frame whose layout has all of them is read like it, whatever else it
     #: holds. None: only frames of the very layout are.
     reads: Callable[[int], int] | None = None
@@ -117,8 +120,9 @@ class Protocol:
     #: The checksum is so short that a cut frame and the begin of the next one pass for a whole frame too often: one in
     #: which another whole one begins that ends later is none.
     weak: bool = False
-    #: The checksum is a sum, in which two errors can undo each other: the neighbours of a frame are asked too.
-    summed: bool = False
+    #: When the neighbours of a frame are asked too whether it is damaged. "always": its checksum is a sum, in which two
+    #: errors can undo each other. "beside damage": it is a CRC-16, which one damaged frame of 65,536 passes.
+    doubt: Literal["never", "beside damage", "always"] = "never"
     #: Whether frames of a layout are lines whose fields are counted from the end: `fields` takes those of all lengths
     #: at once, with commas in front.
     lines: Callable[[int], bool] = lambda _layout: False

@@ -88,7 +88,7 @@ class FrameStream:
         self._strange = 0  # frames with data of other layouts since the last one of ours
         self._told = 0  # configurations that the settled layout, scale and rate rest on
         self._spacing = Spacing()
-        self._doubt: Doubt | None = None  # where the checksum is a sum
+        self._doubt: Doubt | None = None  # where the checksum lets damaged frames pass
         self._doubtful: Frames | None = None  # from the first one on that waits for the next
         self._left = 0  # bytes of damaged frames behind the last one
         self._zero = self._latest = (0, 0.0)  # a sample and its time, s: from it on samples are counted; the latest one
@@ -208,7 +208,7 @@ class FrameStream:
     def _read(self, frames: Frames, *, last: bool) -> tuple[Frames, Index, Fields | None]:
         """The frames that are decided, without the damaged ones; the places of those that are read, and what they hold.
 
-        The neighbours of a frame tell whether it is damaged, where its checksum is a sum.
+        The neighbours of a frame tell whether it is damaged, where its checksum is a sum or short.
         """
         if self._doubtful is not None:
             frames, self._doubtful = joined([self._doubtful, frames]), None
@@ -347,7 +347,9 @@ class FrameStream:
             self._numbering.go_on(before)
             self._zero = self._latest
         self._settle_force(frames, fields)
-        self._doubt = Doubt(self._numbering.interval, self._numbering.stride) if self._protocol.summed else None
+        doubt, numbering = self._protocol.doubt, self._numbering
+        always = doubt == "always"
+        self._doubt = None if doubt == "never" else Doubt(numbering.interval, numbering.stride, always=always)
         kind = Kind(self.report.rate_hz, self._has_clock, fields.accel is not None or self._forces.paired)
         if self._kinds[-1:] != (kind,):
             self._kinds = (*self._kinds, kind)[-KINDS:]

@@ -21,8 +21,8 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync
-from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, name_of, xor_holds
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Scale, at_sync
+from gyronorth.frames.protocols.text import columns_from_end, fields_if_named, line_starts, protocol_of_lines, xor_holds
 
 _NAME = b"#APIMU,"
 _LONGEST = 256
@@ -38,26 +38,21 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
     return line_starts(data, at_sync(data, b"#AP"), 2, _LONGEST)
 
 
-def _layouts(rows: Bytes) -> Index:
-    fields = commas_if_named(rows, _NAME)
+def _judge(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
+    fields = fields_if_named(data, start, length, _NAME)
     short = np.flatnonzero((fields == _SHORTEST_OF_THREE) | (fields == _SHORTEST_OF_THREE + 1))
-    if len(short):
-        fields[short[_three_alike(rows[short])]] += _SHORT
-    return np.where(fields >= min(_ONE), fields, OTHER)
+    fields[short[_three_alike(data, start[short], start[short] + length[short] - 3)]] += _SHORT
+    return xor_holds(data, start, length), np.where(fields >= min(_ONE), fields, OTHER)
 
 
-def _three_alike(lines: Bytes) -> Mask:
-    """Whether the fields 8 to 10, from 0, of lines of one length have as many decimals, four at least."""
-    is_comma = lines == ord(",")
-    number = np.cumsum(is_comma, axis=1)
-    decimals = []
-    for field in (8, 9, 10):
-        within = (number == field + 1) & ~is_comma
-        within[:, -3:] = False
-        pointed = np.cumsum(within & (lines == ord(".")), axis=1) > 0
-        decimals.append((within & pointed).sum(axis=1) - 1)
-    first, second, third = decimals
-    return (first >= _FINE) & (first == second) & (second == third)
+def _three_alike(data: Bytes, start: Index, star: Index) -> Mask:
+    """Whether the fields 8 to 10, from 0, of lines have as many decimals, four at least."""
+    commas, points = np.flatnonzero(data == ord(",")), np.append(np.flatnonzero(data == ord(".")), len(data))
+    edges = np.append(commas, len(data))[np.searchsorted(commas, start)[:, None] + np.arange(8, 12)]
+    edges = np.minimum(edges, star[:, None])  # the last field ends with the asterisk
+    point = points[np.searchsorted(points, edges[:, :-1])]
+    decimals = edges[:, 1:] - point - 1  # negative without a point
+    return (decimals[:, 0] >= _FINE) & (decimals == decimals[:, :1]).all(axis=1)
 
 
 def _fields(rows: Bytes, layout: int) -> Fields:
@@ -84,16 +79,4 @@ def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     return Scale()
 
 
-PROTOCOL = Protocol(
-    "anello",
-    3,
-    _starts,
-    xor_holds,
-    _layouts,
-    _fields,
-    scale=_scale,
-    line_ends=True,
-    lines=lambda _layout: True,
-    message=name_of,
-    summed=True,
-)
+PROTOCOL = protocol_of_lines("anello", _starts, _judge, _fields, _scale)

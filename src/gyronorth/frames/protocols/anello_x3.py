@@ -53,4 +53,4 @@ def _message(row: Bytes) -> str:
     return f"message 0x{row[2]:02X}"
 
 
-PROTOCOL = Protocol("anello-x3", _HEADER, _starts, _whole, _layouts, _fields, message=_message, summed=True)
+PROTOCOL = Protocol("anello-x3", _HEADER, _starts, _whole, _layouts, _fields, message=_message, doubt="always")

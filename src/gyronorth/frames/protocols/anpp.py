@@ -56,4 +56,4 @@ def _message(row: Bytes) -> str:
     return f"packet {row[1]}" + (f" ({name})" if name else "")
 
 
-PROTOCOL = Protocol("anpp", _HEADER, _starts, _whole, _layouts, _fields, message=_message)
+PROTOCOL = Protocol("anpp", _HEADER, _starts, _whole, _layouts, _fields, message=_message, doubt="beside damage")

@@ -88,5 +88,5 @@ PROTOCOL = Protocol(
     rank=lambda layout: int(layout % 256 == _CONTROL),
     scale=_scale,
     message=lambda row: f"message 0x{row[1]:02X}",
-    summed=True,
+    doubt="always",
 )

@@ -105,4 +105,6 @@ def _message(row: Bytes) -> str:
     )
 
 
-PROTOCOL = Protocol("inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message, summed=True)
+PROTOCOL = Protocol(
+    "inertial-labs", 6, _starts, _whole, _layouts, _fields, force=_force, message=_message, doubt="always"
+)

@@ -159,5 +159,5 @@ PROTOCOL = Protocol(
     scale=_scale,
     force=_force,
     message=_message,
-    summed=True,
+    doubt="always",
 )

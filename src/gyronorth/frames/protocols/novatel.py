@@ -22,8 +22,9 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.errors import InputError
 from gyronorth.frames.checksums import column
+from gyronorth.frames.framing import windows
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16, with_head
-from gyronorth.frames.protocols.text import columns_from_end, hex_at_end, line_starts, name_of
+from gyronorth.frames.protocols.text import begins_with, columns_from_end, hex_at_end, line_starts, name_of
 
 _RAWIMU, _RAWIMUS, _RAWIMUX, _RAWIMUSX = 268, 325, 1461, 1462
 _NAMES = {b"RAWIMUA": _RAWIMU, b"RAWIMUSA": _RAWIMUS, b"RAWIMUXA": _RAWIMUX, b"RAWIMUSXA": _RAWIMUSX}
@@ -34,6 +35,8 @@ _WEEK_S = 604800.0
 #: Bits of the information byte of RAWIMUX and RAWIMUSX.
 _ERROR, _ENCRYPTED = 0x01, 0x02
 _FOOT = 0.3048
+#: NovAtel's CRC-32 is that of zlib, but with start 0 and without the final exclusive or.
+_ONES = 0xFFFFFFFF
 #: Added to the layout of lines of text.
 _TEXT = 1_000_000_000
 #: Stands for a type of IMU that is none.
@@ -103,76 +106,47 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
     return start[order], length[order]
 
 
-def _is_text(rows: Bytes) -> Mask:
-    return rows[:, 0] != 0xAA
-
-
 def _whole(rows: Bytes) -> Mask:
-    text, whole = _is_text(rows), np.zeros(len(rows), bool)
-    if text.all():
-        return _crc(rows[:, 1:-9]) == hex_at_end(rows, 8)
-    lines, binary = rows[text], rows[~text]
-    if len(lines):
-        whole[text] = _crc(lines[:, 1:-9]) == hex_at_end(lines, 8)
-    if len(binary):
-        whole[~text] = _crc(binary[:, :-4]) == column(binary, rows.shape[1] - 4, "<u4")
-    return whole
-
-
-def _crc(rows: Bytes) -> Index:
-    """NovAtel's CRC-32 is that of zlib, but with start 0 and without the final exclusive or."""
-    ones, size = 0xFFFFFFFF, rows.shape[1]
-    data = memoryview(rows.tobytes())
-    return np.array([crc32(data[at : at + size], ones) ^ ones for at in range(0, len(data), size)], np.int64)
+    data, size = memoryview(rows.tobytes()), rows.shape[1]
+    crc = [crc32(data[at : at + size - 4], _ONES) for at in range(0, len(data), size)]
+    return np.array(crc, np.int64) ^ _ONES == column(rows, size - 4, "<u4")
 
 
 def _layouts(rows: Bytes) -> Index:
-    """1000 x number of the log + type of the IMU (0 where the log does not name it), + `_TEXT` for text."""
-    text, layout = _is_text(rows), np.full(len(rows), OTHER, np.int64)
-    if text.all():
-        return _layouts_of_lines(rows[:, 1:-9])
-    if text.any():
-        layout[text] = _layouts_of_lines(rows[text, 1:-9])
-    index = np.flatnonzero(~text)
-    if len(index):
-        binary = rows[index]
-        log = column(binary, 4, "<u2").astype(np.int64)
-        header = np.where(binary[:, 2] == 0x13, _SHORT_HEADER, binary[:, 3]).astype(np.int64)
-        body = rows.shape[1] - header - 4
-        imu = binary[np.arange(len(binary)), np.minimum(header + 1, rows.shape[1] - 1)].astype(np.int64)
-        typed, plain = np.isin(log, _TYPED) & (body == 40), np.isin(log, (_RAWIMU, _RAWIMUS)) & (body == 40)
-        layout[index] = np.where(typed, log * 1000 + imu, np.where(plain, log * 1000, OTHER))
-    return layout
+    """1000 x number of the log + type of the IMU (0 where the log does not name it)."""
+    log = column(rows, 4, "<u2").astype(np.int64)
+    header = np.where(rows[:, 2] == 0x13, _SHORT_HEADER, rows[:, 3]).astype(np.int64)
+    body = rows.shape[1] - header - 4
+    imu = rows[np.arange(len(rows)), np.minimum(header + 1, rows.shape[1] - 1)].astype(np.int64)
+    typed, plain = np.isin(log, _TYPED) & (body == 40), np.isin(log, (_RAWIMU, _RAWIMUS)) & (body == 40)
+    return np.where(typed, log * 1000 + imu, np.where(plain, log * 1000, OTHER))
 
 
-def _layouts_of_lines(lines: Bytes) -> Index:
-    """The same of lines (n, length), without mark and checksum: NAME,header;body."""
-    layout, size = np.full(len(lines), OTHER, np.int64), lines.shape[1]
+def _judge_lines(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
+    """Which lines NAME,header;body*checksum are whole, and their layouts: the same, + `_TEXT`."""
+    star, view = start + length - 9, memoryview(data.tobytes())
+    crc = [crc32(view[first:end], _ONES) for first, end in zip((start + 1).tolist(), star.tolist(), strict=True)]
+    whole = np.array(crc, np.int64) ^ _ONES == hex_at_end(windows(data, star + 1, 8), 8)
+    body = np.append(np.flatnonzero(data == ord(";")), len(data))
+    body = body[np.searchsorted(body, start)]
+    comma = np.flatnonzero(data == ord(","))
+    first = np.searchsorted(comma, body)
+    count = np.searchsorted(comma, star) - first
+    layout = np.full(len(start), OTHER, np.int64)
     for name, log in _NAMES.items():
-        if size <= len(name):
-            continue
-        named = np.flatnonzero((lines[:, len(name)] == ord(",")) & (lines[:, 0] == name[0]))
-        named = named[(lines[named, : len(name)] == np.frombuffer(name, np.uint8)).all(axis=1)]
-        if not len(named):
-            continue
-        ours = lines[named]
-        body = np.argmax(ours == ord(";"), axis=1)
-        commas = (ours == ord(",")) & (np.arange(size) > body[:, None])
-        good = (commas.sum(axis=1, dtype=np.uint8) == (10 if log in _TYPED else 8)) & (body > 0)
-        if log in _TYPED and good.any():
-            imu = _small_numbers(ours[good], np.argmax(commas[good], axis=1) + 1)
-            layout[named[good]] = np.where(imu == _NO_TYPE, OTHER, _TEXT + log * 1000 + imu)
-        else:
-            layout[named[good]] = _TEXT + log * 1000
-    return layout
+        typed = log in _TYPED
+        named = np.flatnonzero((count == (10 if typed else 8)) & begins_with(data, start + 1, name + b","))
+        imu = _small_numbers(data, comma[first[named]] + 1) if typed else np.zeros(len(named), np.int64)
+        layout[named] = np.where(imu == _NO_TYPE, OTHER, _TEXT + log * 1000 + imu)
+    return whole, layout
 
 
-def _small_numbers(lines: Bytes, start: Index) -> Index:
-    """The number of one to three digits that begins at a place of each line; `_NO_TYPE` where there is none."""
-    field = lines[np.arange(len(lines))[:, None], np.minimum(start[:, None] + np.arange(4), lines.shape[1] - 1)]
+def _small_numbers(data: Bytes, start: Index) -> Index:
+    """The number of one to three digits that begins at places of a buffer; `_NO_TYPE` where there is none."""
+    field = windows(data, start, 4)
     size = np.argmax(field == ord(","), axis=1)  # 0: no field, or a longer one
     digit = field.astype(np.int64) - ord("0")
-    number, good = np.zeros(len(lines), np.int64), size > 0
+    number, good = np.zeros(len(start), np.int64), size > 0
     for place in range(3):
         within = place < size
         good &= ~within | ((digit[:, place] >= 0) & (digit[:, place] <= 9))
@@ -258,6 +232,7 @@ PROTOCOL = Protocol(
     _whole,
     _layouts,
     _fields,
+    judge_lines=_judge_lines,
     rank=_rank,
     scale=_scale,
     line_ends=True,

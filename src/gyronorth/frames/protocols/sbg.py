@@ -81,4 +81,5 @@ PROTOCOL = Protocol(
     _fields,
     rank=lambda layout: int(layout == _IMU_DATA),
     message=_message,
+    doubt="beside damage",
 )

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 
 import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
-from gyronorth.frames.checksums import xor_8
-from gyronorth.frames.protocol import Bytes
+from gyronorth.frames.framing import windows
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, scale_as_sent
 
 _HEX = np.full(256, -1, np.int64)
 for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
     _HEX[np.frombuffer(_digits, np.uint8)] = np.arange(16)
-#: Digits of an integer that a float holds exactly.
-_EXACT_DIGITS = 15
-_POWERS = 10.0 ** np.arange(_EXACT_DIGITS + 1)
-#: Characters of a field whose number fits in 32 bits.
-_SHORT = 8
 
 
 def line_starts(data: Bytes, starts: Index, digits: int, longest: int) -> tuple[Index, Index]:
@@ -49,17 +45,52 @@ def hex_at_end(rows: Bytes, digits: int) -> Index:
     return np.where((values >= 0).all(axis=1), number, -1)
 
 
-def xor_holds(rows: Bytes) -> Mask:
+def xor_holds(data: Bytes, start: Index, length: Index) -> Mask:
     """Whether the two digits behind the asterisk are the XOR of all characters between the first one and it, (n,)."""
-    return xor_8(rows[:, 1:-3]) == hex_at_end(rows, 2)
+    if not len(start):
+        return np.zeros(0, bool)
+    star = start + length - 3
+    part = np.column_stack((np.minimum(start + 1, star), star)).ravel()
+    xor = np.where(star > start + 1, np.bitwise_xor.reduceat(data, part)[::2], 0)
+    return xor == hex_at_end(windows(data, star + 1, 2), 2)
 
 
-def commas_if_named(rows: Bytes, name: bytes) -> Index:
-    """Commas of each line that begins with a name, (n,); -1 where it does not."""
-    if rows.shape[1] < len(name):
-        return np.full(len(rows), -1, np.int64)
-    named = (rows[:, : len(name)] == np.frombuffer(name, np.uint8)).all(axis=1)
-    return np.where(named, (rows == ord(",")).sum(axis=1), -1)
+def begins_with(data: Bytes, start: Index, name: bytes) -> Mask:
+    """Whether a name stands at places of a buffer, (n,)."""
+    here = np.asarray(start + len(name) <= len(data))
+    here[here] = (windows(data, start[here], len(name)) == np.frombuffer(name, np.uint8)).all(axis=1)
+    return here
+
+
+def fields_if_named(data: Bytes, start: Index, length: Index, name: bytes) -> Index:
+    """Commas of each line that begins with a name, (n,); `OTHER` where it does not."""
+    commas = np.flatnonzero(data == ord(","))
+    count = np.searchsorted(commas, start + length) - np.searchsorted(commas, start)
+    return np.where(begins_with(data, start, name), count, OTHER)
+
+
+def protocol_of_lines(
+    name: str,
+    starts: Callable[[Bytes], tuple[Index, Index]],
+    judge: Callable[[Bytes, Index, Index], tuple[Mask, Index]],
+    fields: Callable[[Bytes, int], Fields],
+    scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent,
+) -> Protocol:
+    """A protocol whose frames are all lines with the exclusive or of their characters."""
+    return Protocol(
+        name,
+        3,
+        starts,
+        lambda rows: np.zeros(len(rows), bool),
+        lambda rows: np.full(len(rows), OTHER, np.int64),
+        fields,
+        judge_lines=judge,
+        scale=scale,
+        line_ends=True,
+        lines=lambda _layout: True,
+        message=name_of,
+        doubt="always",
+    )
 
 
 def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: int = 0) -> Array:
@@ -76,48 +107,14 @@ def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: in
     begin : int
         Characters at the begin that belong to none of these fields.
     """
-    text = np.full((len(rows), rows.shape[1] + end - begin + 1), ord(","), np.uint8)
-    text[:, :-1] = rows[:, begin:end]
-    text[text == ord(";")] = ord(",")
-    flat = text.ravel()
-    commas = np.flatnonzero(flat == ord(","))
-    last = np.searchsorted(commas, np.arange(1, len(rows) + 1) * text.shape[1]) - 1  # the one put behind each line
-    before = last[:, None] + np.array(columns)
-    starts = np.where(before < 0, 0, commas[np.maximum(before, 0)] + 1).ravel()
-    sizes = commas[before + 1].ravel() - starts
-    values, short = np.empty(len(starts)), sizes <= _SHORT
-    for group in (short, ~short):
-        values[group] = _numbers(flat, starts[group], sizes[group])
+    text, width = rows[:, begin:end].tobytes().replace(b";", b","), rows.shape[1] + end - begin
+    chosen, least = itemgetter(*columns), -min(columns)
+    fields = [field for at in range(0, len(text), width) for field in chosen(text[at : at + width].rsplit(b",", least))]
+    try:
+        values = np.fromiter(map(float, fields), float, len(fields))
+    except ValueError:
+        values = np.array([_number(field) for field in fields])
     return values.reshape(len(rows), len(columns))
-
-
-def _numbers(text: Bytes, start: Index, size: Index) -> Array:
-    """The numbers that begin at places of a text, (n,); NaN for what is none.
-
-    Up to 15 digits are an integer that a float holds exactly, and so is the power of ten that it is divided by: the
-    quotient is the float nearest to the text. Other numbers go through `float`.
-    """
-    width = int(min(size.max(initial=0), _EXACT_DIGITS + 2))  # with sign and point
-    dtype = np.int32 if width <= _SHORT else np.int64
-    number, digits, decimals = np.zeros(len(start), dtype), np.zeros(len(start), np.int8), np.zeros(len(start), np.int8)
-    pointed, plain = np.zeros(len(start), bool), size <= width
-    for place in range(width):
-        within = place < size
-        char = text[np.minimum(start + place, len(text) - 1)]
-        digit = char - np.uint8(ord("0"))  # wraps: what is below 0 is far above 9
-        is_digit, is_point = (digit <= 9) & within, (char == ord(".")) & within & ~pointed
-        is_sign = ((char == ord("-")) | (char == ord("+"))) & (place == 0)
-        plain &= is_digit | is_point | is_sign | ~within
-        number = np.where(is_digit, number * dtype(10) + digit, number)
-        digits += is_digit
-        decimals += is_digit & pointed
-        pointed |= is_point
-    plain &= (digits > 0) & (digits <= _EXACT_DIGITS)
-    value = number / _POWERS[np.minimum(decimals, _EXACT_DIGITS)]
-    value = np.where(text[np.minimum(start, len(text) - 1)] == ord("-"), -value, value)
-    for i in np.flatnonzero(~plain).tolist():
-        value[i] = _number(text[start[i] : start[i] + size[i]].tobytes())
-    return value
 
 
 def _number(text: bytes) -> float:

@@ -18,9 +18,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from gyronorth.arrays import Index, Mask
-from gyronorth.frames.checksums import column, crc_msb, xor_8
+from gyronorth.frames.checksums import column, crc_msb
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Protocol, at_sync
-from gyronorth.frames.protocols.text import hex_at_end, line_starts, name_of
+from gyronorth.frames.protocols.text import line_starts, name_of, xor_holds
 
 #: Bytes of the fields by group and bit; 0: not known, or of variable length.
 _SIZES = np.array(
@@ -65,13 +65,11 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
 
 
 def _whole(rows: Bytes) -> Mask:
-    text = rows[:, 0] == ord("$")
-    if text.any():
-        whole = np.zeros(len(rows), bool)
-        whole[text] = xor_8(rows[text, 1:-3]) == hex_at_end(rows[text], 2)
-        whole[~text] = _whole(rows[~text]) if not text.all() else False
-        return whole
     return crc_msb(rows[:, 1:-2], 16, 0x1021, 0) == column(rows, rows.shape[1] - 2, ">u2")
+
+
+def _judge_lines(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
+    return xor_holds(data, start, length), np.full(len(start), OTHER, np.int64)
 
 
 def _header(row: Bytes) -> tuple[dict[tuple[int, int], int], int]:
@@ -187,8 +185,10 @@ PROTOCOL = Protocol(
     _whole,
     _layouts,
     _fields,
+    judge_lines=_judge_lines,
     force=_force,
     line_ends=True,
+    doubt="beside damage",
     rank=lambda layout: layout & 15,
     message=lambda row: name_of(row) if row[0] == ord("$") else "binary output without rate",
 )

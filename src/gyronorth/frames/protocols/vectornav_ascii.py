@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gyronorth.arrays import Index
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, at_sync
-from gyronorth.frames.protocols.text import columns_from_end, commas_if_named, line_starts, name_of, xor_holds
+from gyronorth.arrays import Index, Mask
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, at_sync
+from gyronorth.frames.protocols.text import columns_from_end, fields_if_named, line_starts, protocol_of_lines, xor_holds
 
 _NAME, _COMMAS, _LAYOUT = b"$VNIMU,", 11, 1
 _LONGEST = 256
@@ -23,8 +23,9 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
     return line_starts(data, at_sync(data, b"$VN"), 2, _LONGEST)
 
 
-def _layouts(rows: Bytes) -> Index:
-    return np.where(commas_if_named(rows, _NAME) == _COMMAS, _LAYOUT, OTHER)
+def _judge(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
+    layout = np.where(fields_if_named(data, start, length, _NAME) == _COMMAS, _LAYOUT, OTHER)
+    return xor_holds(data, start, length), layout
 
 
 def _fields(rows: Bytes, _layout: int) -> Fields:
@@ -33,15 +34,4 @@ def _fields(rows: Bytes, _layout: int) -> Fields:
     return Fields(gyro=values[:, 3:6], accel=values[:, 0:3], temperature=values[:, 6], usable=usable)
 
 
-PROTOCOL = Protocol(
-    "vectornav-ascii",
-    3,
-    _starts,
-    xor_holds,
-    _layouts,
-    _fields,
-    line_ends=True,
-    lines=lambda _layout: True,
-    message=name_of,
-    summed=True,
-)
+PROTOCOL = protocol_of_lines("vectornav-ascii", _starts, _judge, _fields)

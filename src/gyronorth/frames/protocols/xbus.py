@@ -187,5 +187,5 @@ PROTOCOL = Protocol(
     scale=_scale,
     weak=True,
     message=_message,
-    summed=True,
+    doubt="always",
 )
