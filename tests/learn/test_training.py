@@ -20,6 +20,8 @@ pytest.importorskip("tensorboard", reason="tensorboard comes with the extra trai
 from gyronorth.angles import angle_error, cyclic_rmse  # noqa: E402
 from gyronorth.errors import InputError  # noqa: E402
 from gyronorth.learn.data import HeadingSet, TrainingData, synthetic_set  # noqa: E402
+from gyronorth.learn.recurrent import initialised  # noqa: E402
+from gyronorth.learn.regressor import HeadingNetwork, crmse_deg  # noqa: E402
 from gyronorth.learn.run import run_training  # noqa: E402
 from gyronorth.learn.settings import Settings, baseline, paper, read_settings, write_settings  # noqa: E402
 from gyronorth.learn.stages import Run, train_denoiser, train_heading  # noqa: E402
@@ -176,6 +178,41 @@ def test_same_seed_same_weights_and_no_global_state(layout):
     assert torch.equal(weights(heads[0]), weights(heads[1]))
     assert torch.equal(torch.get_rng_state(), before)
     assert heads[0].headings(data().validation.gyro_l).shape == (3,)
+
+
+@pytest.mark.parametrize("layout", ["flattened", "temporal"])
+def test_weights_end_where_a_plain_optimiser_takes_them_bit_by_bit(layout):
+    """The gates of a single step are held together during a training; here every parameter is its own.
+
+    Of the same length but for whole vectors of the processor, at whose ends the fused optimiser rounds otherwise.
+    """
+
+    def network():
+        return initialised(lambda: HeadingNetwork(layout=layout, samples=12, hidden=8, dropout=0.1), seeded())
+
+    def seeded():
+        return torch.Generator().manual_seed(3)
+
+    def loss(index, generator):
+        return crmse_deg(held(x[index], generator), y[index])
+
+    x, y, held, plain = torch.randn((20, 12, 3), generator=seeded()), torch.arange(20.0), network(), network()
+    progress = fit(
+        Task("plain", held, 20, 8, 4, 4, decay(0.01, 0.001, 4), loss, lambda: 0.0, last=True), generator=seeded()
+    )
+    optimiser, generator = torch.optim.Adam(plain.parameters(), fused=True), seeded()
+    for epoch in range(4):
+        optimiser.param_groups[0]["lr"] = decay(0.01, 0.001, 4)(epoch)
+        for index in torch.randperm(20, generator=generator).split(8):
+            optimiser.zero_grad()
+            crmse_deg(plain(x[index], generator), y[index]).backward()
+            optimiser.step()
+    assert progress.epoch == 4
+    first = network().state_dict()
+    for name, value in plain.state_dict().items():
+        assert torch.equal(held.state_dict()[name], value), name
+        assert layout == "flattened" or not torch.equal(first[name], value), name
+    assert not any(getattr(layer, "held", None) for layer in held.modules())
 
 
 def test_a_test_part_is_recorded_and_decides_nothing():

@@ -54,6 +54,30 @@ def test_variants_of_sampler_and_heading_share_a_denoiser_and_others_do_not():
     assert denoiser_unit({}, PLAN, seed=0, split=splits_of(PLAN, 1)[0]).name != name
 
 
+def test_a_plan_never_lengthens_a_training():
+    """`--epochs` is a maximum: 500 leaves the paper's 300 and 150 as they are, and its units the same."""
+    from gyronorth.learn.settings import Settings
+
+    assert {"denoiser": Settings().denoiser.epochs, "heading": Settings().heading.epochs} == networks.FULL
+    split, long, short = splits_of(PLAN, 1)[0], StudyPlan(epochs=500), StudyPlan(epochs=200)
+    for variant in ({}, WITHOUT_DENOISER, BASELINE):
+        assert (
+            heading_unit(variant, long, split, seed=0).key() == heading_unit(variant, StudyPlan(), split, seed=0).key()
+        )
+    assert heading_unit(BASELINE, short, split, seed=0).arguments["settings"]["heading"]["epochs"] == 200
+    assert "epochs" not in heading_unit({}, short, split, seed=0).arguments["settings"]["heading"]
+    assert denoiser_unit({}, short, seed=0).arguments["settings"]["denoiser"]["epochs"] == 200
+
+
+def test_a_unit_is_the_same_whatever_was_denoised_before_it(monkeypatch):
+    """Units share what a denoiser made of a recording: with memory and without, bit by bit."""
+    splits = splits_of(PLAN, 2)
+    units = [heading_unit(TINY, PLAN, split, seed=k) for k, split in enumerate(splits)]
+    shared = [run(unit) for unit in units]
+    monkeypatch.setattr(networks, "remembering", networks.rebuilt)
+    assert [run(unit) for unit in units] == shared
+
+
 def test_the_baseline_of_the_studies_is_that_of_the_settings():
     from gyronorth.learn.settings import Settings, baseline
 

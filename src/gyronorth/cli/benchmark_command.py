@@ -71,7 +71,7 @@ def benchmark(
     from gyronorth.files import no_empty_folder
     from gyronorth.many.workers import executor_on
     from gyronorth.report.study_figures import write_study_figures
-    from gyronorth.studies.benchmark import left_out, run_benchmark, studies_of
+    from gyronorth.studies.benchmark import left_out, run_benchmark, shortened, studies_of
     from gyronorth.studies.expected import Remaining
     from gyronorth.studies.expected import told as told_before
     from gyronorth.studies.source import passed_over_text
@@ -95,12 +95,13 @@ def benchmark(
         one.recordings(plan)  # both refuse before any work
     passed_over = plan.source().get("data", {}).get("passed_over") if chosen[0].on_recordings else None
     told = [passed_over_text(passed_over) if passed_over else ""]
-    told += [SELECTIONS[plan.selection], plan.cut_short()] if name == "paper" else []
+    told += [SELECTIONS[plan.selection], plan.cut_short(), shortened(chosen, plan)] if name == "paper" else []
     for line in filter(None, told):
         typer.echo(line.replace("**", ""), err=True)
+    jobs = {}
     if name == "paper":
-        jobs = [job for one in chosen for job in one.units(plan)]
-        typer.echo(told_before(jobs, output, workers), err=True)
+        jobs = {one.name: one.units(one.plan_of(plan)) for one in chosen}
+        typer.echo(told_before([job for some in jobs.values() for job in some], output, workers), err=True)
         if others := left_out(name, tuple(study or ())):
             typer.echo(f"Left out for their cost; --study NAME runs them: {', '.join(others)}.", err=True)
     with (
@@ -108,7 +109,7 @@ def benchmark(
         executor_on(scheduler, workers=workers) as executor,
         units_done() as display,
     ):
-        remaining = Remaining({one.name: one.units(plan) for one in chosen}, output) if name == "paper" else None
+        remaining = Remaining(jobs, output) if name == "paper" else None
 
         def progress(of: str, finished: int, total: int) -> None:
             display(of, finished, total)
@@ -117,10 +118,16 @@ def benchmark(
                 typer.echo(line, err=True)
 
         try:
-            written = run_benchmark(name, output, executor, only=tuple(study or ()), plan=plan, progress=progress)
+            spent = {"spent": remaining.spent} if remaining else {}
+            written = run_benchmark(
+                name, output, executor, only=tuple(study or ()), plan=plan, progress=progress, **spent
+            )
         except KeyboardInterrupt:
             if (output / "units").is_dir():
                 typer.echo(f"{output} keeps what is finished; the same command goes on with it.", err=True)
             raise
+        finally:
+            if remaining and (balance := remaining.balance()):
+                typer.echo(balance, err=True)
     for path in (*written, *write_study_figures(output)):
         typer.echo(str(path))

@@ -10,7 +10,8 @@ Layouts of a batch x (n, samples, 3), as (batch, steps, width) of the recurrence
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import torch
 from torch import Tensor, nn
@@ -49,6 +50,7 @@ class BiLSTM(nn.Module):
         super().__init__()
         self.lstm = nn.LSTM(inputs, hidden, batch_first=True, bidirectional=True)
         self.single_step = single_step
+        self.held: tuple[Tensor, Tensor, Tensor] | None = None  # by `held_gates`, during a training
 
     def forward(self, x: Tensor) -> Tensor:
         """Output of the network."""
@@ -63,13 +65,55 @@ class BiLSTM(nn.Module):
 
     def gates(self) -> tuple[Tensor, Tensor, Tensor]:
         """What a single step uses: weights of the input (6 hidden, inputs) and both biases (6 hidden,)."""
-        return self._gates("weight_ih_l0"), self._gates("bias_ih_l0"), self._gates("bias_hh_l0")
+        if self.held is not None:
+            return self.held
+        weight, bias, more = (torch.cat(self._parts(name)) for name in _USED)
+        return weight, bias, more
 
-    def _gates(self, name: str) -> Tensor:
-        """Parameter `name`, rows in the order input, output, cell gate, each forward then backward."""
+    def settle(self) -> None:
+        """Write the gates that are held into the parameters that they were taken from."""
+        for held, name in zip(self.held or (), _USED, strict=False):
+            parts = self._parts(name)
+            for part, value in zip(parts, held.chunk(len(parts)), strict=True):
+                part.data.copy_(value.data)
+
+    def _parts(self, name: str) -> list[Tensor]:
+        """Views of parameter `name` in the order input, output, cell gate, each forward then backward."""
         # torch orders them input, forget, cell, output.
         forward, backward = getattr(self.lstm, name).chunk(4), getattr(self.lstm, name + "_reverse").chunk(4)
-        return torch.cat([part[gate] for gate in (0, 3, 2) for part in (forward, backward)])
+        return [part[gate] for gate in (0, 3, 2) for part in (forward, backward)]
+
+
+#: Parameters of an LSTM that a single step uses.
+_USED = ("weight_ih_l0", "bias_ih_l0", "bias_hh_l0")
+
+
+@contextmanager
+def held_gates(network: nn.Module) -> Iterator[tuple[list[Tensor], Callable[[], None]]]:
+    """For a training: what is to be optimised, and a function that brings it into the network's own parameters.
+
+    The gates of a single step are put together from its parameters once, not in every step of the optimiser, which
+    takes a fifth off a training. The weights are the same bit by bit where `hidden` is a multiple of 8 (else the fused
+    optimiser rounds the ends of a parameter in another way). At the end they are in the parameters.
+    """
+    layers = [m for m in network.modules() if isinstance(m, BiLSTM) and m.single_step]
+    own = {id(parameter) for layer in layers for parameter in layer.parameters()}
+    trained: list[Tensor] = [p for p in network.parameters() if id(p) not in own]
+    for layer in layers:
+        weight, bias, more = (gate.detach().requires_grad_() for gate in layer.gates())
+        layer.held = weight, bias, more
+        trained += layer.held
+
+    def settle() -> None:
+        for layer in layers:
+            layer.settle()
+
+    try:
+        yield trained, settle
+    finally:
+        settle()
+        for layer in layers:
+            layer.held = None
 
 
 def dropout(x: Tensor, p: float, generator: torch.Generator | None) -> Tensor:

@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 SPLIT, DENOISER, DENOISER_VALIDATION, AUGMENT, HEADING = range(5)
 #: Recordings that are denoised at a time: in smaller piles the products take nearly three times as long.
 DENOISED_TOGETHER = 512
+#: Changed with what a checkpoint holds: an older one is then refused by name.
+CHECKPOINT = 2
 
 
 @dataclass(frozen=True)
@@ -319,5 +321,5 @@ def _weights_sha256(network: torch.nn.Module) -> str:
 
 
 def _fingerprint(name: str, settings: Settings, data_key: str) -> str:
-    text = json.dumps([name, settings.model_dump(mode="json"), data_key], sort_keys=True)
+    text = json.dumps([CHECKPOINT, name, settings.model_dump(mode="json"), data_key], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

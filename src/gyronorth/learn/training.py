@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from gyronorth.errors import InputError
 from gyronorth.files import written_beside
+from gyronorth.learn.recurrent import held_gates
 
 
 @dataclass(frozen=True)
@@ -72,46 +73,53 @@ def fit(
     InputError
         If the checkpoint belongs to other settings or data (`fingerprint`).
     """
-    network, progress = task.network, Progress()
-    # Fused: one pass over the weights, which otherwise costs more than the gradients.
-    optimiser = torch.optim.Adam(network.parameters(), lr=task.rate(0), fused=True)
-    best = {name: value.clone() for name, value in network.state_dict().items()}
+    network, progress, state = task.network, Progress(), None
+    best = _weights(network)
     if checkpoint is not None and checkpoint.is_file():
         state = read_checkpoint(checkpoint, fingerprint)
         network.load_state_dict(state["network"])
-        optimiser.load_state_dict(state["optimiser"])
         generator.set_state(state["generator"])
         best, progress = state["best_network"], Progress(**state["progress"])
     if report is not None:
         report(progress)
-    while not progress.finished:
-        loss = _epoch(task, optimiser, task.rate(progress.epoch), generator)
-        validation = task.validate()
-        if task.last or validation < progress.best:
-            progress.best, progress.best_epoch = validation, progress.epoch + 1
-            best = {name: value.clone() for name, value in network.state_dict().items()}
-        entry = {"loss": loss, "validation": validation, **task.watch(), "rate": task.rate(progress.epoch)}
-        progress.history.append(entry)
-        waited = progress.epoch - progress.best_epoch
-        finite = math.isfinite(loss) and math.isfinite(validation)
-        progress.finished = progress.epoch >= task.epochs or waited >= task.patience or not finite
-        if checkpoint is not None:
-            state = {
-                "network": network.state_dict(),
-                "optimiser": optimiser.state_dict(),
-                "generator": generator.get_state(),
-                "best_network": best,
-                "progress": vars(progress),
-                "fingerprint": fingerprint,
-            }
-            held = io.BytesIO()  # PyTorch tells a full disk as a fault of its own
-            torch.save(state, held)
-            with written_beside(checkpoint, durable=True) as beside:
-                beside.write_bytes(held.getbuffer())
-        if report is not None:
-            report(progress)
+    with held_gates(network) as (trained, settle):
+        # Fused: one pass over the weights, which otherwise costs more than the gradients.
+        optimiser = torch.optim.Adam(trained, lr=task.rate(0), fused=True)
+        if state is not None:
+            optimiser.load_state_dict(state["optimiser"])
+        while not progress.finished:
+            loss = _epoch(task, optimiser, task.rate(progress.epoch), generator)
+            settle()
+            validation = task.validate()
+            if task.last or validation < progress.best:
+                progress.best, progress.best_epoch = validation, progress.epoch + 1
+                best = _weights(network)
+            entry = {"loss": loss, "validation": validation, **task.watch(), "rate": task.rate(progress.epoch)}
+            progress.history.append(entry)
+            waited = progress.epoch - progress.best_epoch
+            finite = math.isfinite(loss) and math.isfinite(validation)
+            progress.finished = progress.epoch >= task.epochs or waited >= task.patience or not finite
+            if checkpoint is not None:
+                state = {
+                    "network": network.state_dict(),
+                    "optimiser": optimiser.state_dict(),
+                    "generator": generator.get_state(),
+                    "best_network": best,
+                    "progress": vars(progress),
+                    "fingerprint": fingerprint,
+                }
+                held = io.BytesIO()  # PyTorch tells a full disk as a fault of its own
+                torch.save(state, held)
+                with written_beside(checkpoint, durable=True) as beside:
+                    beside.write_bytes(held.getbuffer())
+            if report is not None:
+                report(progress)
     network.load_state_dict(best)
     return progress
+
+
+def _weights(network: nn.Module) -> dict[str, Tensor]:
+    return {name: value.clone() for name, value in network.state_dict().items()}
 
 
 def _epoch(task: Task, optimiser: torch.optim.Optimizer, rate: float, generator: torch.Generator) -> float:

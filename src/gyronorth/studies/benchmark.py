@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 
@@ -22,9 +22,9 @@ from gyronorth.studies.published_splits import ARC, LOO, NOISE, SPLITS
 from gyronorth.studies.published_transfer import TRANSFER
 from gyronorth.studies.real import REAL
 from gyronorth.studies.stress import STRESS
-from gyronorth.studies.study import Study, StudyPlan, write_study
+from gyronorth.studies.study import FULL_EPOCHS, Study, StudyPlan, write_study
 from gyronorth.studies.turned import TURNED
-from gyronorth.studies.work import run_units
+from gyronorth.studies.work import Job, run_units
 
 DEFAULT = StudyPlan()
 STUDIES: tuple[Study, ...] = (
@@ -81,6 +81,14 @@ def left_out(benchmark: str, only: tuple[str, ...] = ()) -> list[str]:
     return [] if only else [study.name for study in STUDIES if study.benchmark == benchmark and study.by_name]
 
 
+def shortened(studies: Sequence[Study], plan: StudyPlan) -> str:
+    """The note about studies that end their trainings early of themselves; empty if none does."""
+    cut = [f"{study.name} ({study.epochs} epochs)" for study in studies if study.plan_of(plan) != plan]
+    if not cut:
+        return ""
+    return f"Trainings end early in {', '.join(cut)}; with --epochs {FULL_EPOCHS} they go on to their end."
+
+
 def run_benchmark(
     benchmark: str,
     out: str | Path,
@@ -89,6 +97,7 @@ def run_benchmark(
     only: tuple[str, ...] = (),
     plan: StudyPlan = DEFAULT,
     progress: Callable[[str, int, int], None] = lambda _study, _finished, _total: None,
+    spent: Callable[[Job, float], None] = lambda _unit, _seconds: None,
 ) -> list[Path]:
     """Run a benchmark into the folder `out`, continuing what is there; give the Markdown files written.
 
@@ -104,19 +113,23 @@ def run_benchmark(
         Names of studies; by default all that do not run by name only.
     progress : callable
         Called with the study's name, the units finished and their total.
+    spent : callable
+        Called with each unit that was run and its CPU time, s.
     """
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for study in studies_of(benchmark, only):
-        command = f"gyronorth benchmark {benchmark} --study {study.name}{plan.options()} -o FOLDER"
+        own = study.plan_of(plan)
+        command = f"gyronorth benchmark {benchmark} --study {study.name}{own.options()} -o FOLDER"
         results = run_units(
-            study.units(plan),
+            study.units(own),
             folder,
             executor,
             command=command,
             done=lambda finished, total, name=study.name: progress(name, finished, total),
+            spent=spent,
         )
-        write_study(study, plan, results, folder, command=command)
+        write_study(study, own, results, folder, command=command)
         written.append(folder / f"{study.name}.md")
     return written

@@ -14,14 +14,15 @@ from gyronorth.studies.work import Job, finished_units, with_needs
 
 #: CPU seconds of one thread, by layout, as the study `cost` measures them: an epoch of the denoiser, denoising the
 #: augmented recordings of a split, an epoch of the heading network.
-FLATTENED = (0.13, 8.0, 0.24)
+FLATTENED = (0.103, 8.0, 0.19)
 TEMPORAL = (6.6, 290.0, 5.8)
 #: An epoch of one of many heading networks trained at once, per 32 examples of a batch; a start of anything; all else.
 TOGETHER = 0.10
-START = 3.0
+START = 1.0
 OTHERS = 2.0
-#: Denoising for a split whose copies are mostly known from the splits before; a step of the flow; a recording judged.
-ALL_CLEANED = 0.5
+#: Denoising for a split whose copies are mostly known from the splits before, and the share that is new of single ones.
+ALL_CLEANED, CLEANED_ANEW = 0.5, 0.77
+#: A step of the flow; a recording judged.
 FLOW_STEP, FLOW_JUDGED = 0.1, 0.1
 #: A step of the prior-fitted network; a swing judged with both Gaussian processes.
 PRIOR_STEP, PRIOR_JUDGED = 0.055, 0.35
@@ -39,7 +40,7 @@ def expected_seconds(job: Job) -> float:
     kind, part = job.function.__name__, settings.get("heading", {})
     epochs = part.get("epochs", 150)
     denoised = part.get("denoised", True)
-    cleaned = denoise * length * denoised
+    cleaned = denoise * length * denoised * (CLEANED_ANEW if denoise == FLATTENED[1] else 1)
     if kind == "train_denoiser_unit":
         return START + denoiser * length * (1 - STOPPED) * settings.get("denoiser", {}).get("epochs", 300)
     if kind == "train_heading_unit":
@@ -92,6 +93,7 @@ class Remaining:
         self, studies: Mapping[str, Iterable[Job]], folder: Path, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._clock, self._start, self._told = clock, clock(), clock()
+        self._units, self._expected, self._spent = 0, 0.0, 0.0
         self._left: dict[str, float] = {}
         self._first: dict[str, int] = {}
         known: set[str] = set()
@@ -102,6 +104,19 @@ class Remaining:
             self._left[name] = sum(expected_seconds(job) for job in order if job.name not in known)
             known |= {job.name for job in order}
         self._whole = sum(self._left.values())
+
+    def spent(self, unit: Job, seconds: float) -> None:
+        """Note the CPU time that a unit took."""
+        self._units += 1
+        self._expected += expected_seconds(unit)
+        self._spent += seconds
+
+    def balance(self) -> str:
+        """What was told of the units that were run, beside what they took; empty if none was."""
+        if not self._units:
+            return ""
+        units = f"{self._units} unit{'s' if self._units > 1 else ''}"
+        return f"{units} run: {_time(self._expected)} of CPU told, {_time(self._spent)} spent."
 
     def line(self, study: str, finished: int, total: int) -> str | None:
         """What to tell when so many of a study's units are finished; None within a minute of the last line."""

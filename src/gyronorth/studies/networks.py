@@ -27,6 +27,7 @@ from gyronorth.studies.study import Selection, StudyPlan
 from gyronorth.studies.work import Job, Result
 
 if TYPE_CHECKING:
+    from gyronorth.learn.batched import RememberingDenoiser
     from gyronorth.learn.data import HeadingSet, TrainingData
     from gyronorth.learn.settings import Settings
     from gyronorth.learn.stages import TrainedDenoiser, TrainedHeading
@@ -51,6 +52,8 @@ WITHOUT_DENOISER: Variant = {"heading": {"denoised": False}}
 COS_SIN: Variant = {"heading": {"output": "cos_sin"}}
 #: What is left of the paper's heading network when nothing is kept that does not help.
 OWN_NETWORK: Variant = {"heading": {"denoised": False, "output": "cos_sin", "augment": {"noise": "redrawn"}}}
+#: Epochs of either stage, at most, as the settings say.
+FULL = {"denoiser": 300, "heading": 150}
 #: Headings at which a trained network is asked for that of a clean Earth rate, evenly over the circle.
 CIRCLE = 180
 
@@ -66,7 +69,7 @@ def denoiser_unit(variant: Variant, plan: StudyPlan, *, seed: int, split: Split 
     Its clean data are the synthetic set, or with `split` its noisy real recordings.
     """
     about = {k: v for k, v in variant.items() if k not in ("heading", "sampler")}
-    settings = merged({"seed": seed, "denoiser": _capped({}, plan)}, about)
+    settings = merged({"seed": seed, "denoiser": _capped("denoiser", plan)}, about)
     arguments: dict[str, Any] = {"settings": settings, "seed": plan.seed, "real": None}
     if split is not None:
         arguments |= {"real": split_json(split), **plan.source()}
@@ -91,8 +94,8 @@ def heading_unit(
 
 def heading_settings(variant: Variant, plan: StudyPlan, *, seed: int, duration: float = WINDOW) -> dict:
     """The settings of a variant's heading network, with no more epochs than the plan allows."""
-    settings = merged({"seed": seed, "samples": round(3 * duration), "heading": _capped({}, plan)}, variant)
-    if plan.epochs is not None:
+    settings = merged({"seed": seed, "samples": round(3 * duration), "heading": _capped("heading", plan)}, variant)
+    if plan.epochs is not None and "epochs" in settings["heading"]:
         settings["heading"]["epochs"] = min(plan.epochs, settings["heading"]["epochs"])
     return settings
 
@@ -144,7 +147,7 @@ def train_heading_unit(
     given = split_data(split, recordings_of(seed, data), checked, leak=True) if selection == "leak" else parts
     if selection == "test" and parts.test is not None:
         given = replace(parts, validation=parts.test)
-    denoiser = rebuilt(needs[0], checked) if needs else None
+    denoiser = remembering(needs[0], checked) if needs else None
     trained = train_heading(checked, given, denoiser, last=selection == "last")
     result: Result = {
         "epochs": trained.progress.epoch,
@@ -221,6 +224,24 @@ def rebuilt(result: Result, settings: Settings) -> TrainedDenoiser:
     return TrainedDenoiser(network, settings, Normalisation(**result["normalisation"]), progress)
 
 
+#: The denoiser of this process's units, by checksum: what it has cleaned for one split it knows in the next.
+_DENOISERS: dict[str, RememberingDenoiser] = {}
+
+
+def remembering(result: Result, settings: Settings) -> TrainedDenoiser:
+    """The same, cleaning no recording twice in this process where it cleans each by itself."""
+    from gyronorth.learn.batched import RememberingDenoiser
+
+    denoiser = rebuilt(result, settings)
+    if settings.layout != "flattened" or settings.sampler.start != "last":
+        return denoiser
+    key = digest([result["weights"], settings.model_dump(mode="json", exclude={"seed", "heading"})])
+    if key not in _DENOISERS:
+        _DENOISERS.clear()
+        _DENOISERS[key] = RememberingDenoiser(**vars(denoiser))
+    return _DENOISERS[key]
+
+
 def denoiser_error(trained: TrainedDenoiser, test: HeadingSet, *, seed: int) -> dict:
     """Error of the predicted noise on clean test data noised by eq:17, and of the heading before and after.
 
@@ -252,8 +273,9 @@ def denoiser_error(trained: TrainedDenoiser, test: HeadingSet, *, seed: int) -> 
     }
 
 
-def _capped(section: dict, plan: StudyPlan) -> dict:
-    return section if plan.epochs is None else {**section, "epochs": plan.epochs}
+def _capped(stage: str, plan: StudyPlan) -> dict:
+    """The epochs of a stage where the plan allows fewer than its settings."""
+    return {"epochs": plan.epochs} if plan.epochs is not None and plan.epochs < FULL[stage] else {}
 
 
 def merged(base: Mapping, change: Mapping) -> dict:

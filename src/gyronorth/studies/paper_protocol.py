@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from gyronorth.studies.networks import (
     digest,
     heading_settings,
     merged,
-    rebuilt,
+    remembering,
     split_data,
     split_json,
     splits_of,
@@ -34,12 +33,10 @@ from gyronorth.studies.study import Study, StudyPlan
 from gyronorth.studies.tables import StudyReport, Table
 from gyronorth.studies.work import Job, Result
 
-if TYPE_CHECKING:
-    from gyronorth.learn.batched import RememberingDenoiser
-    from gyronorth.learn.settings import Settings
-
 #: Splits for each of `--network-splits`: these networks are trained many at once.
 SPLITS_EACH = 4
+#: Epochs of each training, unless `--epochs` says otherwise.
+EPOCHS = 60
 #: Networks trained at once: a larger pile falls out of the processor's cache.
 TOGETHER = 8
 CHOSEN = {
@@ -67,7 +64,7 @@ def protocol_unit(
     own = [Settings.model_validate({**settings, "seed": settings["seed"] + k}) for k in range(len(splits))]
     found = recordings_of(seed, data)
     parts = [split_data(split, found, one, leak=leak) for split, one in zip(splits, own, strict=True)]
-    denoiser = _remembering(needs[0], own[0]) if needs else None
+    denoiser = remembering(needs[0], own[0]) if needs else None
     trained = train_batched(own, [heading_parts(s, one, denoiser) for s, one in zip(own, parts, strict=True)])
     tests = [one.test for one in parts if one.test is not None]
     result: Result = {
@@ -87,20 +84,6 @@ def protocol_unit(
             "error_deg": [[_number(value) for value in one] for one in error],
         }
     return result
-
-
-#: The denoiser of this process's units, by checksum: what it has cleaned for one split it knows in the next.
-_DENOISERS: dict[str, RememberingDenoiser] = {}
-
-
-def _remembering(result: Result, settings: Settings) -> RememberingDenoiser:
-    from gyronorth.learn.batched import RememberingDenoiser
-
-    key = digest([result["weights"], settings.model_dump(mode="json", include={"sampler", "schedule"})])
-    if key not in _DENOISERS:
-        _DENOISERS.clear()
-        _DENOISERS[key] = RememberingDenoiser(**vars(rebuilt(result, settings)))
-    return _DENOISERS[key]
 
 
 def _number(value: float) -> float | None:
@@ -188,7 +171,7 @@ def protocol_study(name: str, title: str, networks: Mapping[str, Variant], *, le
     """A study of the choice of the epoch for some networks; that with a leak runs by name only."""
     title = f"How 0.73 comes about: {title}"
     units, report = partial(_units, networks, leak), partial(_report, networks, leak)
-    return Study(name, title, "paper", units, report, at_window, by_name=leak)
+    return Study(name, title, "paper", units, report, at_window, by_name=leak, epochs=EPOCHS)
 
 
 PROTOCOL = protocol_study("protocol", "the choice of the epoch", ALONE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -114,6 +114,11 @@ class Study:
     described: Callable[[StudyPlan], Any] | None = None  # what it was run on, where that does not ship
     simulates: bool = False  # recordings of its own, in a benchmark whose other studies are about the plan's
     by_name: bool = False  # takes so long that a whole benchmark leaves it out; `--study` runs it
+    epochs: int | None = None  # of its trainings at most, where the plan says nothing
+
+    def plan_of(self, plan: StudyPlan) -> StudyPlan:
+        """The plan that it is run with."""
+        return replace(plan, epochs=self.epochs) if plan.epochs is None else plan
 
     @property
     def on_recordings(self) -> bool:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import subprocess
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, field
@@ -54,10 +55,12 @@ def run_units(
     *,
     command: str,
     done: Callable[[int, int], None] = lambda _finished, _total: None,
+    spent: Callable[[Job, float], None] = lambda _unit, _seconds: None,
 ) -> dict[str, Result]:
     """Run what is not there yet and give all results by name.
 
-    Finished units are written as they come; `done(finished, total)` is called after each.
+    Finished units are written as they come; `done(finished, total)` is called after each, and `spent(unit, seconds)`
+    with the CPU time of its process.
     An exception in a unit is raised once the others that run have been written.
 
     Raises
@@ -68,7 +71,7 @@ def run_units(
     order = with_needs(units)
     results = {unit.name: result for unit in order if (result := _stored(unit, folder)) is not None}
     waiting = [unit for unit in order if unit.name not in results]
-    running: dict[Future[Result], Job] = {}
+    running: dict[Future[tuple[Result, float]], Job] = {}
     failure: Exception | None = None
     done(len(results), len(order))
     while (waiting and failure is None) or running:
@@ -80,12 +83,13 @@ def run_units(
         for future in finished:
             unit = running.pop(future)
             try:
-                result = future.result()
+                result, seconds = future.result()
             except Exception as error:
                 failure = failure or error
                 continue
             _write(unit, result, folder, command)
             results[unit.name] = result
+            spent(unit, seconds)
             done(len(results), len(order))
     if isinstance(failure, BrokenExecutor):
         raise InputError(
@@ -126,8 +130,9 @@ def write_json(path: Path, content: object) -> None:
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def _work(unit: Job, needs: list[Result]) -> Result:
-    return unit.function(*needs, **unit.arguments)
+def _work(unit: Job, needs: list[Result]) -> tuple[Result, float]:
+    start = time.process_time()
+    return unit.function(*needs, **unit.arguments), time.process_time() - start
 
 
 def finished_units(units: Sequence[Job], folder: Path) -> set[str]:
