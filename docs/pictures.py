@@ -1,6 +1,7 @@
 """A hook of the documentation: an SVG of `docs/images/` is set into its page, beside its narrow version for phones.
 
-Its colours are CSS variables (`docs/make_pictures.py`), which an `<img>` would not see. The style sheet shows one of the two.
+Its colours are CSS variables (`docs/make_pictures.py`), which an `<img>` would not see.
+The style sheet shows one of the two.
 """
 
 from __future__ import annotations
