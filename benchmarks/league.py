@@ -401,7 +401,7 @@ def draw(rows: list[dict[str, object]], path: Path) -> None:
         found = [(_ratio(row), names.index(row["set"])) for row in rows if row["program"] == program]
         axes.plot(*zip(*found, strict=True), marker, color=colour, markersize=7, alpha=0.8, label=program)
     axes.axvline(1.0, color=INK, linewidth=1.0, linestyle="--")
-    axes.set(xscale="log", xlabel="error over claimed sigma, root mean square; beyond 1 the claimed sigma is too small")
+    axes.set(xscale="log", xlabel="RMS error / RMS claimed sigma; right of 1 the claim is too small")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)

@@ -1,6 +1,6 @@
-"""A hook of the documentation: commands are wrapped, and output that has lines of more than 110 characters.
+"""A hook of the documentation: commands and their messages are wrapped where the page ends.
 
-Other blocks scroll, as tables must.
+Other blocks scroll: code, whose indentation counts, and rows of tables.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ import html
 import re
 
 BLOCK = re.compile(r'<div class="language-(console|sh|text) highlight">(.*?)</code>', re.DOTALL)
-LONGEST = 110
+#: Two gaps or more between words make a row of a table; a label before its text has one.
+ROW = re.compile(r"\S {2,}\S.*\S {2,}\S")
 
 
 def on_page_content(content: str, **_: object) -> str:
@@ -19,5 +20,5 @@ def on_page_content(content: str, **_: object) -> str:
 
 def _marked(found: re.Match[str]) -> str:
     lines = html.unescape(re.sub(r"<[^>]*>", "", found[2])).splitlines()
-    long = found[1] == "sh" or max(map(len, lines), default=0) > LONGEST
-    return found[0].replace(" highlight", " highlight wrapped", 1) if long else found[0]
+    scrolls = any(line.startswith(" ") or ROW.search(line) for line in lines)
+    return found[0] if scrolls else found[0].replace(" highlight", " highlight wrapped", 1)

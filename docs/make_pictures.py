@@ -1,7 +1,8 @@
 """Draw the pictures of the pages: python docs/make_pictures.py [NAME ...]
 
 Each is an SVG in `docs/images/` whose colours are CSS variables, so that `docs/pictures.py` can set it
-into a light or a dark page. Schematics and curves alike come from the package's own functions.
+into a light or a dark page, and a second one, `NAME_narrow.svg`, with its panels below each other for a phone.
+Schematics and curves alike come from the package's own functions.
 """
 
 from __future__ import annotations
@@ -37,13 +38,15 @@ from gyronorth.simulation import Motion
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs/images"
 LATITUDE = radians(32.11)
+#: Width of a picture on a page and on a phone, in.
+PAGE, PHONE = 7.2, 4.2
 #: A vehicle seen from above, nose up, within (-1, 1).
 VEHICLE = np.array([[-0.5, -0.8], [0.5, -0.8], [0.5, 0.4], [0.0, 0.9], [-0.5, 0.4]])
 
 
-def axes_of_a_file() -> Figure:
+def axes_of_a_file(narrow: bool) -> Figure:
     """Three conventions, each as `mat_bf` has it."""
-    figure, panels = schematic(3, 7.2, 3.0)
+    figure, panels = schematic(3, (PHONE, 7.4) if narrow else (PAGE, 3.0))
     for panel, name in zip(panels, ("frd", "flu", "rfu"), strict=True):
         mat = mat_bf(name)
         vehicle(panel, 0.0)
@@ -66,9 +69,9 @@ def axes_of_a_file() -> Figure:
     return figure
 
 
-def mounting() -> Figure:
+def mounting(narrow: bool) -> Figure:
     """A sensor turned by a yaw in a vehicle."""
-    figure, panels = schematic(2, 7.2, 3.4)
+    figure, panels = schematic(2, (PHONE, 5.2) if narrow else (PAGE, 3.4))
     heading, yaw = radians(30), radians(90)
     panel = panels[0]
     vehicle(panel, heading)
@@ -99,9 +102,9 @@ def mounting() -> Figure:
     return figure
 
 
-def attitude() -> Figure:
+def attitude(narrow: bool) -> Figure:
     """What heading, roll and pitch mean, each positive."""
-    figure, (top, behind, side) = schematic(3, 7.2, 2.6)
+    figure, (top, behind, side) = schematic(3, (PHONE, 6.6) if narrow else (PAGE, 2.6))
     heading, tilt = radians(50), radians(14)
     vehicle(top, heading)
     north_arrow(top)
@@ -127,10 +130,10 @@ def attitude() -> Figure:
     return figure
 
 
-def sigma_against_time() -> Figure:
+def sigma_against_time(narrow: bool) -> Figure:
     """The error budget of three grades of sensor, by `plan`."""
-    figure = Figure(figsize=(7.2, 3.5), layout="constrained")
-    panels = figure.subplots(1, 3, sharey=True)
+    figure = Figure(figsize=(PHONE, 6.8) if narrow else (PAGE, 3.5), layout="constrained")
+    panels = figure.subplots(3, 1, sharex=True) if narrow else figure.subplots(1, 3, sharey=True)
     for panel, name in zip(panels, ("sdc500", "isa100c", "hg9900"), strict=True):
         planned = plan(name, latitude=LATITUDE)
         time = planned.duration
@@ -149,15 +152,15 @@ def sigma_against_time() -> Figure:
         panel.set_xticks([60, 600, 3600, 36000], ["1 min", "10 min", "1 h", "10 h"])
         panel.minorticks_off()
         panel.set_yticks([0.001, 0.01, 0.1, 1, 10], ["0.001", "0.01", "0.1", "1", "10"])
-    panels[0].set_ylabel("heading sigma (deg)")
+    panels[1 if narrow else 0].set_ylabel("heading sigma (deg)")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5)
+    figure.legend(handles, labels, loc="outside lower center", ncols=3 if narrow else 5)
     return figure
 
 
-def error_against_latitude() -> Figure:
+def error_against_latitude(narrow: bool) -> Figure:
     """What 1 deg/h of bias towards east costs, b / (Omega cos lat)."""
-    figure = Figure(figsize=(6.4, 3.0), layout="constrained")
+    figure = Figure(figsize=(PHONE if narrow else 6.4, 3.0), layout="constrained")
     panel = figure.subplots()
     latitude = np.linspace(0, 84, 300)
     panel.plot(latitude, cost(latitude), color=RED, linewidth=2)
@@ -170,10 +173,10 @@ def error_against_latitude() -> Figure:
     return figure
 
 
-def two_poses() -> Figure:
+def two_poses(narrow: bool) -> Figure:
     """Earth rate and bias in the body's horizontal axes, before and after half a turn."""
-    figure = Figure(figsize=(7.2, 3.3), layout="constrained")
-    panels = figure.subplots(1, 3, sharex=True, sharey=True)
+    figure = Figure(figsize=(PHONE, 8.6) if narrow else (PAGE, 3.3), layout="constrained")
+    panels = figure.subplots(*((3, 1) if narrow else (1, 3)), sharex=True, sharey=True)
     signal, heading = EARTH_RATE * cos(LATITUDE) / DEG_PER_HOUR, radians(40)
     earth, bias = signal * np.array([-sin(heading), cos(heading)]), np.array([5.0, 2.0])  # right, forward
     rates = (earth + bias, -earth + bias)
@@ -205,17 +208,22 @@ def two_poses() -> Figure:
             ylim=(-16, 16),
             aspect="equal",
             xlabel="right (deg/h)",
+            ylabel="forward (deg/h)",
             xticks=(-10, 0, 10),
             yticks=(-10, 0, 10),
         )
-    panels[0].set_ylabel("forward (deg/h)")
+        panel.label_outer()
     return figure
 
 
-def interval_and_limits() -> Figure:
+def interval_and_limits(narrow: bool) -> Figure:
     """A valid heading, a refused one, and the gates of the first beside their limits."""
-    figure = Figure(figsize=(7.2, 3.3), layout="constrained")
-    left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 1.35))
+    figure = Figure(figsize=(PHONE, 4.9) if narrow else (PAGE, 3.3), layout="constrained")
+    if narrow:
+        panels = figure.subplot_mosaic([["valid", "refused"], ["checks", "checks"]])
+    else:
+        panels = figure.subplot_mosaic([["valid", "refused", "checks"]], width_ratios=(1, 1, 1.35))
+    left, middle, right = panels.values()
     recording = gn.read(ROOT / "examples/data/demo.npz")
     estimate = gn.heading(recording, sensor="sdc500")
     dial(left, estimate, truth=recording.heading_true)
@@ -246,9 +254,9 @@ def interval_and_limits() -> Figure:
     return figure
 
 
-def allan_deviation_read() -> Figure:
+def allan_deviation_read(narrow: bool) -> Figure:
     """An Allan deviation with the three lines that are read from it."""
-    figure = Figure(figsize=(6.8, 4.0), layout="constrained")
+    figure = Figure(figsize=(PHONE, 4.6) if narrow else (6.8, 4.0), layout="constrained")
     panel = figure.subplots()
     errors = TriadErrors(
         white=0.03 * DEG_PER_SQRT_HOUR, flicker=0.6 * DEG_PER_HOUR, random_walk=3.0 * DEG_PER_HOUR / 60
@@ -293,14 +301,14 @@ def allan_deviation_read() -> Figure:
     panel.set(xlabel="averaging time (s)", ylabel="Allan deviation (deg/h)")
     panel.set_xticks([1, 10, 100, 1000], ["1", "10", "100", "1000"])
     panel.set_yticks([0.1, 1, 10], ["0.1", "1", "10"])
-    figure.legend(loc="outside lower center", ncols=3)
+    figure.legend(loc="outside lower center", ncols=1 if narrow else 3)
     return figure
 
 
-def kinds_of_disturbance() -> Figure:
+def kinds_of_disturbance(narrow: bool) -> Figure:
     """The rate about the x axis under each disturbance that `learned` was trained on."""
-    figure = Figure(figsize=(7.2, 3.9), layout="constrained")
-    panels = figure.subplots(2, 3, sharex=True).ravel()
+    figure = Figure(figsize=(PHONE, 5.4) if narrow else (PAGE, 3.9), layout="constrained")
+    panels = figure.subplots(*((3, 2) if narrow else (2, 3)), sharex=True).ravel()
     for panel, kind in zip(panels, KINDS, strict=True):
         recording = gn.simulate(
             "sdc500", latitude=LATITUDE, heading=radians(40), duration=100, rate_hz=3, rng=np.random.default_rng(12),
@@ -313,15 +321,15 @@ def kinds_of_disturbance() -> Figure:
         )
         mean, error = gn.heading(recording, sensor="sdc500", method="mean"), 0.0
         error = degrees(abs(angle_error(mean.heading, recording.heading_true)))
-        panel.set_title(f"{kind}: mean off by {error:.1f}°", fontsize=9)
+        panel.set_title(f"{kind}: mean off by {error:.1f}°", fontsize=8 if narrow else 9)
     figure.supxlabel("time (s)", fontsize=9.5)
     figure.supylabel("rate about x (deg/h)", fontsize=9.5)
     return figure
 
 
-def compass_swing() -> Figure:
+def compass_swing(narrow: bool) -> Figure:
     """Errors at known headings, and what is left of each with the curve of the others."""
-    figure = Figure(figsize=(6.8, 3.2), layout="constrained")
+    figure = Figure(figsize=(PHONE, 3.4) if narrow else (6.8, 3.2), layout="constrained")
     panel = figure.subplots()
     found = calibrate(swing(np.random.default_rng(6)))
     order = np.argsort(found.heading_true)
@@ -333,7 +341,7 @@ def compass_swing() -> Figure:
         linewidth=1, label="corrected by a curve of the other recordings, with its sigma",
     )  # fmt: skip
     panel.set(xlim=(-5, 365), xlabel="true heading (deg)", ylabel="heading error (deg)", xticks=range(0, 361, 60))
-    figure.legend(loc="outside lower center", ncols=2)
+    figure.legend(loc="outside lower center", ncols=1 if narrow else 2)
     return figure
 
 
@@ -350,7 +358,8 @@ def swing(rng: np.random.Generator) -> list[gn.Recording]:
     return recordings
 
 
-PICTURES: dict[str, Callable[[], Figure]] = {
+#: Each drawn for a page, or narrow for a phone.
+PICTURES: dict[str, Callable[[bool], Figure]] = {
     "axes": axes_of_a_file,
     "mounting": mounting,
     "attitude": attitude,
@@ -370,10 +379,10 @@ def cost(latitude_deg: Any) -> Any:
     return np.degrees(DEG_PER_HOUR / (EARTH_RATE * np.cos(np.radians(latitude_deg))))
 
 
-def schematic(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
-    """Panels without scales."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    panels = list(figure.subplots(1, count))
+def schematic(count: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+    """Panels without scales, below each other in a picture that is higher than wide."""
+    figure = Figure(figsize=size, layout="constrained")
+    panels = list(figure.subplots(*((count, 1) if size[1] > size[0] else (1, count))))
     for panel in panels:
         panel.set_aspect("equal")
         panel.set_axis_off()
@@ -468,15 +477,16 @@ def dial(panel: Axes, estimate: Any, *, truth: float | None) -> None:
 def main() -> None:
     """Write the named pictures, or all."""
     for name in sys.argv[1:] or PICTURES:
-        path = IMAGES / f"{name}.svg"
-        path.write_text(picture(name))
-        print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
+        for file, narrow in ((name, False), (f"{name}_narrow", True)):
+            path = IMAGES / f"{file}.svg"
+            path.write_text(picture(name, narrow=narrow))
+            print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
 
 
-def picture(name: str) -> str:
+def picture(name: str, *, narrow: bool) -> str:
     """The SVG of one picture, each colour a CSS variable with its light value in reserve."""
     with mpl.rc_context(SETTINGS):
-        svg = svg_text(PICTURES[name](), salt=name)
+        svg = svg_text(PICTURES[name](narrow), salt=f"{name}_narrow" if narrow else name)
     for colour, variable in COLOURS.items():
         svg = svg.replace(f"var({variable})", f"var({variable}, {colour})")
     # Coordinates in hundredths of a point, those of lines in tenths and on one line: a third of the size.

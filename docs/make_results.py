@@ -95,8 +95,9 @@ def section(study: Study, benchmark: str, *, shown: bool) -> str:
     lines += [folded("How it was made", [study["text"]]), folded(f"Tables ({len(tables)})", tables)]
     if NAMED[name].described is None and study["recordings"] != "published reconstruction":
         raise SystemExit(f"{name} was run on recordings of somebody's own; pages are made from the shipped data.")
+    command = re.sub(r"--data \S+", "--data FOLDER", study["command"])  # wherever it lay
     lines.append(
-        f"Made by `{study['command']}`: seed {study['seed']}, commit `{study['commit'][:12]}`, "
+        f"Made by `{command}`: seed {study['seed']}, commit `{study['commit'][:12]}`, "
         f"[CSV](data/{benchmark}/{name}.csv), [JSON](data/{benchmark}/{name}.json)."
     )
     return "\n\n".join(lines)

@@ -1,6 +1,7 @@
-"""A hook of the documentation: an SVG of `docs/images/` is set into its page.
+"""A hook of the documentation: an SVG of `docs/images/` is set into its page, beside its narrow version for phones.
 
 Its colours are CSS variables (`docs/make_pictures.py`), which an `<img>` would not see.
+The style sheet shows one of the two.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ def on_page_content(content: str, **_: object) -> str:
 
 def _set_in(found: re.Match[str]) -> str:
     alt, name = found.groups()
-    path = IMAGES / f"{name}.svg"
-    if not path.is_file():  # of another folder
+    if not (IMAGES / f"{name}.svg").is_file():  # of another folder
         return found[0]
-    svg = path.read_text()
-    svg = svg.replace("<svg ", f'<svg role="img" aria-label="{alt}" ', 1)
-    return f'<figure class="picture">{svg}</figure>'
+    label = f'<svg role="img" aria-label="{alt}" '
+    both = (
+        (IMAGES / f"{file}.svg").read_text().replace("<svg ", f'{label}class="{kind}" ', 1)
+        for file, kind in ((name, "wide"), (f"{name}_narrow", "narrow"))
+    )
+    return f'<figure class="picture">{"".join(both)}</figure>'

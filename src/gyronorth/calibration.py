@@ -72,8 +72,8 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
     """
     if len(recordings) < FEWEST + 1:
         raise InputError(
-            f"{len(recordings)} recordings came in; a deviation curve that can be cross-validated needs at least "
-            f"{FEWEST + 1}. Record more headings."
+            f"A deviation curve that can be cross-validated needs at least {FEWEST + 1} recordings at known headings; "
+            f"got {len(recordings)}. Record more headings."
         )
     sessions = {recording.session for recording in recordings}
     if len(sessions) > 1:

@@ -89,8 +89,8 @@ def heading(
     ------
     InputError
         If the latitude is missing, out of range or contradicts the recording, the method is
-        unknown or cannot work on this recording; or the heading would be valid but for a note
-        of the reader that wants a declaration (`Finding.blocking`).
+        unknown or cannot work on this recording. Also if a valid heading depends on a
+        declaration that is missing, such as the axes (`Finding.blocking`).
     """
     poses = _poses_of(recording)
     if poses is None:

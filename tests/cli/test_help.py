@@ -4,6 +4,7 @@ import re
 import shlex
 
 import pytest
+from click import Context
 from typer.testing import CliRunner
 
 from gyronorth.catalogue import METHODS
@@ -150,6 +151,29 @@ def test_tab_offers_what_the_program_accepts(tmp_path, monkeypatch):
     assert "quiet" in completion.disturbance("q")
     assert completion.benchmark("pu") == ["published"]
     assert "table_2" in completion.study("t")
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "typed", "offered"),
+    [
+        ("heading", "--sensor", "stim3", "stim300"),
+        ("heading", "--method", "pos", "posterior"),
+        ("heading", "--axes", "rf", "rfu"),
+        ("info", "--gyro-unit", "deg/", "deg/s"),
+        ("live", "--accel-unit", "m", "mg"),
+        ("convert", "--time-unit", "m", "ms"),
+        ("heading", "--preset", "eu", "euroc"),
+        ("live", "--protocol", "sti", "stim"),
+        ("heading", "--imu", "STIM", "STIM300"),
+        ("simulate", "--disturbance", "sw", "sway"),
+        ("benchmark", "--study", "tab", "table_2"),
+    ],
+)
+def test_tab_behind_an_option_offers_its_names(command, option, typed, offered):
+    (found,) = (parameter for parameter in COMMANDS[command].params if option in parameter.opts)
+    names = [item.value for item in found.shell_complete(Context(COMMANDS[command]), typed)]
+    assert offered in names
+    assert all(name.startswith(typed) for name in names)
 
 
 def test_verbose_tells_the_time_of_each_step_and_quiet_nothing():

@@ -101,6 +101,7 @@ def test_every_page_fits_a_phone_and_paper_and_asks_nobody(tmp_path, new_page):
         page.goto(path.as_uri())
         assert page.evaluate(BEYOND) == [0, []], path.name
         assert page.evaluate("document.documentElement.scrollHeight") < LONGEST, path.name
+        assert "][gyronorth" not in page.inner_text("body"), f"{path.name}: a reference without a target"
         if path.parent.name == "guide":  # results have wide tables of figures
             assert page.evaluate(IN_PART) == [], path.name
         page.emulate_media(media="print")

@@ -138,7 +138,7 @@ def test_bad_rows_of_a_window_are_described_where_there_are_many_before_it(tmp_p
     assert read(path, window=(2, 8), drop_bad_rows=True).rows_dropped == 3
 
 
-@pytest.mark.parametrize(("window", "message"), [((0, 11), "does not fit"), ((20, 30), "lies behind the end")])
+@pytest.mark.parametrize(("window", "message"), [((0, 11), "does not fit"), ((20, 30), "is beyond the end")])
 def test_window_beyond_the_end(tmp_path, window, message):
     with pytest.raises(InputError, match=message):
         read(csv_file(tmp_path, csv_rows(1000)), window=window)

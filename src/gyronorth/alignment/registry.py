@@ -102,8 +102,8 @@ class _Methods(Mapping[str, Method]):
         self._loaded[method.info.name] = method
 
 
-#: Every method by name.
 METHODS = _Methods()
+"""The known methods by name, also those that other packages add; each is loaded when it is first asked for."""
 
 
 def register(method: Method) -> None:

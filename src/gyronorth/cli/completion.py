@@ -49,6 +49,30 @@ def accel_unit() -> Iterable[str]:
 
 
 @offered
+def time_unit() -> Iterable[str]:
+    """Units of a time column."""
+    from gyronorth.readers.options import TIME_UNITS
+
+    return TIME_UNITS
+
+
+@offered
+def preset() -> Iterable[str]:
+    """Shipped presets."""
+    from gyronorth.readers import presets
+
+    return (preset.name for preset in presets.shipped())
+
+
+@offered
+def imu() -> Iterable[str]:
+    """IMU types of NovAtel."""
+    from gyronorth.frames.protocols.novatel import IMU_TYPES
+
+    return (imu.name for imu in IMU_TYPES)
+
+
+@offered
 def axes() -> Iterable[str]:
     """The 24 right-handed ones by their letters."""
     from gyronorth.errors import InputError

@@ -24,9 +24,14 @@ CHUNK_SAMPLES = 1 << 18
 _per_count = number("a number of units in one count", "6.1e-5")
 
 
-def _declares(metavar: str, text: str, parser: Callable[[str], Any] | None = None) -> tuple[Any, None]:
+def _declares(
+    metavar: str,
+    text: str,
+    parser: Callable[[str], Any] | None = None,
+    offers: Callable[[str], list[str]] | None = None,
+) -> tuple[Any, None]:
     """Annotation and default of an option that declares something about the file."""
-    option = typer.Option(metavar=metavar, parser=parser, help=text, rich_help_panel=FILE)
+    option = typer.Option(metavar=metavar, parser=parser, autocompletion=offers, help=text, rich_help_panel=FILE)
     return Annotated[str | None if parser is None else Any, option], None
 
 
@@ -70,8 +75,12 @@ READING: dict[str, tuple[Any, Any]] = {
         ],
         None,
     ),
-    "gyro_unit": _declares("UNIT", "deg/s, rad/s, deg/h, mdeg/s, mrad/s, arcsec/s, urad/s, deg/min or rpm."),
-    "accel_unit": _declares("UNIT", "m/s2, g, mg, ug, cm/s2, mm/s2 or ft/s2."),
+    "gyro_unit": _declares(
+        "UNIT",
+        "deg/s, rad/s, deg/h, mdeg/s, mrad/s, arcsec/s, urad/s, deg/min or rpm.",
+        offers=completion.gyro_unit,
+    ),
+    "accel_unit": _declares("UNIT", "m/s2, g, mg, ug, cm/s2, mm/s2 or ft/s2.", offers=completion.accel_unit),
     "gyro_scale": _declares("UNITS", "Gyro units per count of the file.", _per_count),
     "accel_scale": _declares("UNITS", "Accelerometer units per count of the file.", _per_count),
     "increments": _declares(
@@ -82,8 +91,12 @@ READING: dict[str, tuple[Any, Any]] = {
         "Time that an increment covers, where it is not the sample interval.",
         number("a positive time in seconds", "0.005", above=0),
     ),
-    "time_unit": _declares("UNIT", "Unit of the time column: s, ms, us or ns."),
-    "preset": _declares("NAME|FILE", "Declarations for a program's files: a name, or a file saved by `import`."),
+    "time_unit": _declares("UNIT", "Unit of the time column: s, ms, us or ns.", offers=completion.time_unit),
+    "preset": _declares(
+        "NAME|FILE",
+        "Declarations for a program's files: a name, or a file saved by `import`.",
+        offers=completion.preset,
+    ),
     "columns": (
         Annotated[
             Any,
@@ -154,7 +167,10 @@ READING: dict[str, tuple[Any, Any]] = {
         Annotated[
             str | None,
             typer.Option(
-                metavar="NAME", help="IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300.", rich_help_panel=FILE
+                metavar="NAME",
+                autocompletion=completion.imu,
+                help="IMU type of NovAtel RAWIMU and RAWIMUS, as STIM300.",
+                rich_help_panel=FILE,
             ),
         ],
         None,

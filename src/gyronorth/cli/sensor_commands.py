@@ -88,7 +88,7 @@ def allan(
 ) -> int:
     """Allan deviation of a recording at rest, and the error terms of its sensor with their intervals.
 
-    Of many: the error terms of each. Exit code 2 if any could not be had, else 0.
+    Of many: the error terms of each. Exit code 2 if any could not be computed, else 0.
     """
     from gyronorth.errors import InputError
     from gyronorth.sources.remote import at_hand

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.frames.catalogue import NAMES, protocol_info
 from gyronorth.frames.protocol import Protocol
 
@@ -18,5 +18,6 @@ def protocol_of(name: str) -> Protocol:
         If there is none of that name.
     """
     if name not in NAMES:
-        raise InputError(f"The protocol is {name!r}; one of {', '.join(NAMES)} is expected.")
+        near = did_you_mean(name, NAMES)
+        raise InputError(f"The protocol is {name!r}; one of {', '.join(NAMES)} is expected.{near}")
     return import_module(f"gyronorth.frames.protocols.{protocol_info(name).module}").PROTOCOL

@@ -193,7 +193,7 @@ class GridBuilder:
             if self._options.window and self._position >= 0:
                 duration = (self._position + 1) / (self.rate_hz or 1)
                 raise InputError(
-                    f"Window {self._options.window[0]:g}:{self._options.window[1]:g} s lies behind the end of {name}, "
+                    f"Window {self._options.window[0]:g}:{self._options.window[1]:g} s is beyond the end of {name}, "
                     f"which lasts {duration:g} s."
                 )
             raise InputError(f"{name} holds no rows of data.")

@@ -36,7 +36,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one file: an estimate, or the message why it could not be read."""
+    """Result of one file: an estimate, or the message that says why there is none."""
 
     file: str
     estimate: HeadingEstimate | None = None

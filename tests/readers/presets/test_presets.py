@@ -84,5 +84,5 @@ def test_files_that_are_no_presets(tmp_path, content, message):
 
 
 def test_a_name_that_is_none():
-    with pytest.raises(InputError, match=r"There is no preset 'eurok': euroc, .*are shipped"):
+    with pytest.raises(InputError, match=r"There is no preset 'eurok'; shipped are euroc, .* Did you mean 'euroc'\?"):
         load("eurok")

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.files import read_bounded
 from gyronorth.readers.options import ReadOptions
 
@@ -86,8 +86,11 @@ def load(name: str) -> Preset:
             return preset
     path = Path(name)
     if not path.is_file():
-        known = ", ".join(preset.name for preset in shipped())
-        raise InputError(f"There is no preset {name!r}: {known} are shipped; a file of your own ends in .json.")
+        known = [preset.name for preset in shipped()]
+        raise InputError(
+            f"There is no preset {name!r}; shipped are {', '.join(known)}; a file of your own ends in .json."
+            f"{did_you_mean(name, known)}"
+        )
     try:
         document = json.loads(read_bounded(path, LARGEST).decode("utf-8-sig"))
     except InputError:
