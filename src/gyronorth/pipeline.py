@@ -319,12 +319,12 @@ def _options(
     deviation: DeviationModel | None,
     turn_angle_sigma: float | None = None,
 ) -> Options:
-    if not isinstance(turn_angles, Iterable | None):
+    if turn_angles is not None and not hasattr(turn_angles, "__iter__"):
         raise InputError(f"turn_angles is {turn_angles!r:.80}; a sequence of angles in rad is expected.")
     angles = None if turn_angles is None else tuple(number("A turn angle", angle) for angle in turn_angles)
     if turn_angle_sigma is not None:
         turn_angle_sigma = number("The sigma of the turn angles", turn_angle_sigma)
-    if not isinstance(model, str | os.PathLike | None):
+    if model is not None and not hasattr(model, "__fspath__") and not hasattr(model, "encode"):
         raise InputError(f"model is {model!r:.80}; the folder of a bundle is expected.")
     if deviation is not None and not hasattr(deviation, "covers"):
         raise InputError(f"deviation is {deviation!r:.80}; a curve is expected, as `read_deviation` gives it.")
