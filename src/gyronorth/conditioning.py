@@ -279,6 +279,7 @@ def sway(gyro_b: Array, accel_b: Array | None, *, mat_lb: Array, rate_hz: float)
     if accel_b is not None:
         moments = _moments(accel_b, 2)
         gravity = np.linalg.norm(moments[..., 0, :] / count, axis=-1)[..., None, None]
+        gravity = np.where(gravity > 0, gravity, np.inf)  # without any, nothing tells of a tilt
         # A small roll moves f_y by -g roll, a small pitch f_x by g pitch, in frd axes at rest.
         to_tilt = np.stack([-mat_lb[..., 1, :], mat_lb[..., 0, :]], axis=-2) / gravity
         middle_tilt, slope_tilt = _line(moments, count, to_tilt)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from numbers import Real
+from typing import Any
 
 
 class InputError(ValueError):
@@ -11,6 +13,28 @@ class InputError(ValueError):
 
     The message says what came in, what was expected, the likely cause and the cure.
     """
+
+
+def number(what: str, value: Any) -> float:
+    """A real number that a caller gave, alone or as an array without dimensions.
+
+    Raises
+    ------
+    InputError
+        If it is anything else: a text, true or false, a complex number, several numbers, more than a double holds.
+
+    Examples
+    --------
+    >>> number("The rate", 10)
+    10.0
+    """
+    single = value.item() if getattr(value, "ndim", None) == 0 else value
+    try:
+        if isinstance(single, Real) and type(single) is not bool:
+            return float(single)
+    except OverflowError:
+        pass
+    raise InputError(f"{what} is {value!r:.80}; a number is expected.")
 
 
 #: Control characters but the line feed, and those that turn the direction of a text.

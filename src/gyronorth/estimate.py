@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.attitude import Orientation, orientation
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, number
 from gyronorth.findings import Check, Finding
 
 #: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
@@ -155,6 +155,7 @@ class HeadingEstimate:
         """
         if sigma is None:
             return self
+        sigma = number("The sigma required", sigma)
         if not 0 < sigma < inf:
             raise InputError(f"The sigma required is {sigma:g} rad; a positive number is expected.")
         if self.sigma is not None and self.sigma <= sigma:

@@ -18,9 +18,9 @@ from gyronorth.alignment.registry import Options
 from gyronorth.arrays import Array
 from gyronorth.catalogue import REASONS
 from gyronorth.conditioning import decimated
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, number
 from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate
-from gyronorth.recording import Recording
+from gyronorth.recording import LARGEST_SAMPLE, Recording, real_samples
 from gyronorth.sensor import Sensor, read_sensor
 
 if TYPE_CHECKING:
@@ -92,13 +92,13 @@ def heading(
         unknown or cannot work on this recording. Also if a valid heading depends on a
         declaration that is missing, such as the axes (`Finding.blocking`).
     """
-    poses = _poses_of(recording)
+    poses, options = _poses_of(recording), _options(model, turn_angles, deviation, turn_angle_sigma)
     if poses is None:
         recording, segments = _as_recording(recording, rate_hz, accel_b), None  # type: ignore[arg-type]
     else:
         from gyronorth.alignment.turned.joined import one_recording
 
-        recording, segments = one_recording(poses, turn_angles)
+        recording, segments = one_recording(poses, options.turn_angles)
     problem = Problem(
         recording.gyro_b,
         recording.accel_b,
@@ -109,7 +109,7 @@ def heading(
         recording.session,
         segments,
     )
-    result = registry.solve(method, problem, _options(model, turn_angles, deviation, turn_angle_sigma))
+    result = registry.solve(method, problem, options)
     marked = tuple(note for note in recording.notes if note.code in REASONS)
     notes = tuple(note for note in recording.notes if note not in marked)
     found = verdict.estimate(problem, result, notes=notes, start_time_utc=recording.start_time_utc)
@@ -218,10 +218,11 @@ def _batches(
 ) -> list[HeadingBatch]:
     """Headings of the recordings of one array, some at a time."""
     if gyro.ndim != 3 or gyro.shape[-1] != 3 or (accel is not None and accel.shape != gyro.shape):
-        raise ValueError(
+        raise InputError(
             f"gyro_b has shape {gyro.shape}, accel_b {None if accel is None else accel.shape}; "
             "(recordings, samples, 3) is expected of both."
         )
+    rate_hz = number("rate_hz", rate_hz)
     if not 0 < rate_hz < np.inf:
         raise InputError(f"The rate is {rate_hz:g} Hz; a positive number is expected.")
     for name, array in (("gyro_b", gyro), ("accel_b", accel)):
@@ -313,12 +314,20 @@ def _as_recording(
 
 
 def _options(
-    model: str | Path | None,
-    turn_angles: Sequence[float] | None,
+    model: Any,
+    turn_angles: Any,
     deviation: DeviationModel | None,
     turn_angle_sigma: float | None = None,
 ) -> Options:
-    angles = None if turn_angles is None else tuple(float(angle) for angle in turn_angles)
+    if turn_angles is not None and not hasattr(turn_angles, "__iter__"):
+        raise InputError(f"turn_angles is {turn_angles!r:.80}; a sequence of angles in rad is expected.")
+    angles = None if turn_angles is None else tuple(number("A turn angle", angle) for angle in turn_angles)
+    if turn_angle_sigma is not None:
+        turn_angle_sigma = number("The sigma of the turn angles", turn_angle_sigma)
+    if model is not None and not hasattr(model, "__fspath__") and not hasattr(model, "encode"):
+        raise InputError(f"model is {model!r:.80}; the folder of a bundle is expected.")
+    if deviation is not None and not hasattr(deviation, "covers"):
+        raise InputError(f"deviation is {deviation!r:.80}; a curve is expected, as `read_deviation` gives it.")
     return Options(None if model is None else Path(model), angles, turn_angle_sigma, deviation)
 
 
@@ -335,6 +344,7 @@ def _check_session(method: str, options: Options) -> None:
 
 
 def _check_latitude(latitude: float) -> None:
+    latitude = number("The latitude", latitude)
     if not abs(latitude) <= np.pi / 2:
         raise InputError(
             f"The latitude is {latitude:g} rad, {np.degrees(latitude):g} deg; a value in [-90, 90] deg, given in rad, "
@@ -344,11 +354,11 @@ def _check_latitude(latitude: float) -> None:
 
 def _finite(name: str, array: NDArray[Any], start: int, count: int) -> Array:
     """Some recordings of a batch as doubles."""
-    part = np.asarray(array[start : start + count], dtype=float)
-    if not np.isfinite(part).all():
-        run, sample, axis = np.argwhere(~np.isfinite(part))[0]
+    part = real_samples(name, array[start : start + count], "(recordings, samples, 3)")
+    if not (abs(part) <= LARGEST_SAMPLE).all():  # nor is NaN
+        run, sample, axis = np.argwhere(~(abs(part) <= LARGEST_SAMPLE))[0]
         raise InputError(
-            f"{name}[{start + run}, {sample}, {axis}] is {part[run, sample, axis]}; finite numbers are expected. "
-            "Leave that recording out, or repair it."
+            f"{name}[{start + run}, {sample}, {axis}] is {part[run, sample, axis]}; finite numbers up to "
+            f"{LARGEST_SAMPLE:g} rad/s or m/s^2 are expected. Leave that recording out, or repair it."
         )
     return part

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.errors import InputError as InputError
+from gyronorth.errors import number
 from gyronorth.findings import Finding
 
 #: The former name of `gyronorth.findings.Finding` where a reader remarks on a file.
@@ -21,6 +22,8 @@ LATITUDE_CONFLICT = np.radians(0.1)
 #: Sample rates outside these bounds, Hz, are taken for a mistake (milliseconds for seconds, a damaged field).
 SLOWEST_RATE_HZ = 1e-3
 FASTEST_RATE_HZ = 1e6
+#: Samples beyond this, rad/s or m/s^2, are damage, and their squares would overflow.
+LARGEST_SAMPLE = 1e9
 
 
 #: How the axes of a file are known: it states them, the user declares them, its format defines them, or nobody
@@ -65,10 +68,13 @@ class Recording:
 
     def __post_init__(self) -> None:
         for name in ("gyro_b", "accel_b"):
-            if getattr(self, name) is not None:
+            if name == "gyro_b" or getattr(self, name) is not None:
                 object.__setattr__(self, name, _checked_samples(name, getattr(self, name)))
         if self.accel_b is not None and len(self.accel_b) != len(self.gyro_b):
             raise InputError(f"accel_b has {len(self.accel_b)} samples, gyro_b {len(self.gyro_b)}; they must match.")
+        for name in ("rate_hz", "latitude", "heading_true"):
+            if name == "rate_hz" or getattr(self, name) is not None:
+                number(name, getattr(self, name))
         if not SLOWEST_RATE_HZ <= self.rate_hz <= FASTEST_RATE_HZ:
             raise InputError(
                 f"rate_hz is {self.rate_hz:g}; a sample rate of {SLOWEST_RATE_HZ:g} to {FASTEST_RATE_HZ:g} Hz "
@@ -132,6 +138,7 @@ def chosen_latitude(given: float | None, stored: float | None, source: str) -> f
     InputError
         If neither is known, the given one is out of range, or the two differ by more than `LATITUDE_CONFLICT`.
     """
+    given = None if given is None else number("The latitude", given)
     if given is not None and not abs(given) <= np.pi / 2:
         raise InputError(
             f"The latitude is {given:g} rad, {np.degrees(given):g} deg; a value in [-90, 90] deg, given in rad, "
@@ -244,13 +251,45 @@ def _parse_utc(text: str) -> datetime:
 
 
 def _checked_samples(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    try:
-        samples = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is not an array of numbers; shape (n, 3) is expected.") from None
+    samples = real_samples(name, value, "(n, 3)")
     if samples.ndim != 2 or samples.shape[1] != 3 or len(samples) == 0:
         raise InputError(f"{name} has shape {samples.shape}; (n, 3) with n > 0 is expected.")
     if not np.isfinite(samples).all():
         row = int(np.flatnonzero(~np.isfinite(samples).all(axis=1))[0])
         raise InputError(f"{name} is not finite at sample {row}: {samples[row]}.")
+    if not (abs(samples) <= LARGEST_SAMPLE).all():
+        row = int(np.flatnonzero((abs(samples) > LARGEST_SAMPLE).any(axis=1))[0])
+        raise InputError(
+            f"{name} is {samples[row]} at sample {row}; at most {LARGEST_SAMPLE:g} rad/s or m/s^2 is expected. The "
+            "data are damaged, or not in SI units."
+        )
     return samples
+
+
+def real_samples(name: str, value: ArrayLike, shape: str) -> NDArray[np.float64]:
+    """Samples as doubles.
+
+    Parameters
+    ----------
+    name, shape : str
+        What they are, and the shape that is expected, for messages.
+    value : array_like
+        Real numbers of any type.
+
+    Raises
+    ------
+    InputError
+        If they are none: texts, times, true and false, complex numbers; or some are masked.
+    """
+    mask = getattr(value, "mask", None)
+    if isinstance(mask, np.ndarray | np.bool_) and mask.any():
+        raise InputError(
+            f"{name} has {int(mask.sum())} masked values, which stand for no number. Cut the recording there."
+        )
+    try:
+        samples = np.asarray(value)
+        if samples.dtype.kind not in "fiuO":
+            raise TypeError
+        return samples.astype(np.float64, copy=False)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError: a tensor that keeps its gradient
+        raise InputError(f"{name} is not an array of numbers; real ones of shape {shape} are expected.") from None

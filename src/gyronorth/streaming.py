@@ -27,7 +27,7 @@ from gyronorth.attitude import from_rotation_vector, multiply
 from gyronorth.conditioning import block_means
 from gyronorth.deviation import DeviationModel
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, number
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
 from gyronorth.recording import Recording
@@ -91,8 +91,8 @@ class StreamingHeading:
         deviation: DeviationModel | None = None,
         session: str | None = None,
     ) -> None:
-        self.rate_hz = float(rate_hz)
-        self.latitude = float(latitude)
+        self.rate_hz = number("rate_hz", rate_hz)
+        self.latitude = number("The latitude", latitude)
         self.accelerometer = accelerometer
         self._sensor = None if sensor is None else read_sensor(sensor)
         self._method, self._attitude = method, attitude

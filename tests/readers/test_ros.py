@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -414,3 +415,20 @@ def test_messages_of_a_drivers_own_are_named(tmp_path):
     path.write_bytes(content)
     with pytest.raises(InputError, match=r"has no topic of sensor_msgs/Imu|cannot be read"):
         read(path)
+
+
+@pytest.mark.parametrize("value", ["'text'", "NULL", "5", "1.5"])
+@pytest.mark.parametrize("column", ["data", "timestamp", "name", "type"])
+def test_a_database_that_holds_other_types_is_refused(tmp_path, column, value):
+    """SQLite keeps a value of any type in any column."""
+    cells = {"name": "'/imu'", "type": "'sensor_msgs/msg/Imu'", "timestamp": "1", "data": "zeroblob(324)"}
+    cells[column] = value
+    with closing(sqlite3.connect(tmp_path / "typed.db3")) as database:
+        database.executescript(
+            "CREATE TABLE topics (id INTEGER PRIMARY KEY, name, type);"
+            "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp, data);"
+            f"INSERT INTO topics VALUES (1, {cells['name']}, {cells['type']});"
+            f"INSERT INTO messages VALUES (1, 1, {cells['timestamp']}, {cells['data']}), (2, 1, 2, zeroblob(324));"
+        )
+    with pytest.raises(InputError, match=r"typed\.db3"):
+        read(tmp_path / "typed.db3", latitude=0.5)

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.result import Result, together, unknown
 from gyronorth.arrays import Mask
 from gyronorth.catalogue import MethodInfo
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, number
 
 if TYPE_CHECKING:
     from gyronorth.deviation import DeviationModel
@@ -71,6 +71,7 @@ class _Methods(Mapping[str, Method]):
         return len(self._rows)
 
     def __getitem__(self, name: str) -> Method:
+        name = str(name)
         if name not in self._rows:
             from importlib.metadata import entry_points  # slow to load
 
@@ -94,7 +95,7 @@ class _Methods(Mapping[str, Method]):
 
     def info(self, name: str) -> MethodInfo:
         """The row of a method, without importing it."""
-        return self._rows[name] if name in self._rows else self[name].info
+        return self._rows[name] if (name := str(name)) in self._rows else self[name].info
 
     def add(self, method: Method) -> None:
         """Register a method; see `register`."""
@@ -145,11 +146,10 @@ def check(name: str, problem: Problem, options: Options) -> Method:
             f"Roll and pitch were given, but method {name} takes the attitude from the recording itself. "
             "Leave them out, or use --method mean."
         )
+    _check_attitude(problem.attitude)
     for what, given in (("Roll and pitch", problem.attitude), ("Turn angles", options.turn_angles)):
         if given is not None and not np.isfinite(given).all():
             raise InputError(f"{what} of {given} rad were given; finite angles are expected.")
-    if problem.attitude is not None and np.shape(problem.attitude) != (2,):
-        raise InputError(f"The attitude is {problem.attitude}; roll and pitch, two angles in rad, are expected.")
     if problem.attitude is not None and options.turn_angles is not None:
         raise InputError(
             "Roll and pitch were given together with turn angles: they hold for one pose, the angles for several. "
@@ -167,6 +167,15 @@ def check(name: str, problem: Problem, options: Options) -> Method:
             "use --method mean."
         )
     return method
+
+
+def _check_attitude(attitude: Any) -> None:
+    if attitude is None:
+        return
+    if np.shape(attitude) != (2,):
+        raise InputError(f"The attitude is {attitude!r:.80}; roll and pitch, two angles in rad, are expected.")
+    for name, angle in zip(("roll", "pitch"), attitude, strict=True):
+        number(f"The {name} given", angle)
 
 
 def fits(info: MethodInfo, problem: Problem) -> bool:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
+import warnings
 
 # A command makes much that lives until it ends, and few cycles: counting through all of it again and again is a fifth
 # of what a short one takes. This package is loaded by the command alone.
@@ -24,6 +26,9 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Typer's own models need no plugins of pydantic, and looking for them reads what is known of every package.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # What libraries remark on damaged numbers is no message: every result is checked.
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     try:
         app()
     finally:

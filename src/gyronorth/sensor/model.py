@@ -47,6 +47,8 @@ def read_sensor(name_or_file: str | os.PathLike[str] | Sensor) -> Sensor:
     """
     if isinstance(name_or_file, Sensor):
         return name_or_file
+    if not hasattr(name_or_file, "__fspath__") and not hasattr(name_or_file, "encode"):
+        raise InputError(f"The sensor is {name_or_file!r:.80}; a name, the path of a profile or a Sensor is expected.")
     from gyronorth.sensor import profiles
 
     path, name = Path(name_or_file), str(name_or_file).lower()

@@ -82,6 +82,8 @@ def _check(recordings: Sequence[Recording], turn_angles: Sequence[float] | None)
             f"each file, and nothing shows how far its heading turned: give {count - 1} by --turn-angles, 0 where the "
             "heading was kept, or record poses and turns in one file."
         )
+    if not np.isfinite(turn_angles).all():
+        raise InputError(f"Turn angles of {turn_angles} rad were given; finite angles are expected.")
     for number, recording in enumerate(recordings):
         name = recording.source or f"Recording {number + 1}"
         if recording.rate_hz != first.rate_hz:

@@ -130,10 +130,9 @@ def _open_database(path: Path, options: ReadOptions) -> Source:
     _check_whole(path)
     with _connected(path.name, [path]) as (database,):
         _check_tables(database, path.name)
-        names = database.execute("SELECT id, name, type FROM topics ORDER BY id").fetchall()
+        names = list(_rows(database, path.name, (int, str, str), "SELECT id, name, type FROM topics ORDER BY id"))
         (total,) = database.execute("SELECT COUNT(*) FROM messages").fetchone()
-        (start,) = database.execute("SELECT MIN(timestamp) FROM messages").fetchone()
-        (stop,) = database.execute("SELECT MAX(timestamp) FROM messages").fetchone()
+        start, stop = (_end(database, path.name, which) for which in ("MIN", "MAX"))
         exact = total <= MOST_COUNTED or len(names) == 1
         counts = _counted(database) if total <= MOST_COUNTED else _drawn(database, total)
     topics, other = _counted_topics([(name, kind, counts.get(number, 0)) for number, name, kind in names])
@@ -210,9 +209,12 @@ def _from_databases(
     with _connected(name, databases) as opened:
         for database in opened:
             _check_tables(database, name)
-        first = [database.execute("SELECT MIN(timestamp) FROM messages").fetchone()[0] for database in opened]
-        for i in sorted((i for i, time in enumerate(first) if time is not None), key=lambda i: first[i]):
-            yield from opened[i].execute(
+        first = [_end(database, name, "MIN") for database in opened]
+        for i in sorted(range(len(opened)), key=lambda i: first[i] or 0):
+            yield from _rows(
+                opened[i],
+                name,
+                (int, bytes),
                 "SELECT timestamp, data FROM messages WHERE topic_id IN (SELECT id FROM topics WHERE name = ?) "
                 "AND timestamp >= ? AND timestamp < ? ORDER BY timestamp",
                 (topic, -(1 << 63) if start is None else start, (1 << 63) - 1 if stop is None else stop),
@@ -238,6 +240,27 @@ def _check_tables(database: sqlite3.Connection, name: str) -> None:
     if set(kinds.values()) != {"table"} or len(kinds) != 2:
         found = ", ".join(f"{key} is a {kind}" for key, kind in kinds.items()) or "neither is there"
         raise InputError(f"{name} is no bag of ROS 2: the tables topics and messages are expected; {found}.")
+
+
+def _end(database: sqlite3.Connection, name: str, which: str) -> int | None:
+    """The first (MIN) or the last (MAX) time of all messages; None where there are none."""
+    found = _rows(database, name, (int | None,), f"SELECT {which}(timestamp) FROM messages")
+    return next(found)[0]
+
+
+def _rows(
+    database: sqlite3.Connection, name: str, kinds: tuple[Any, ...], query: str, given: tuple[Any, ...] = ()
+) -> Iterator[tuple[Any, ...]]:
+    """Rows of a query; SQLite keeps a value of any type in any column, so the type of each is checked."""
+    for row in database.execute(query, given):
+        for value, kind in zip(row, kinds, strict=True):
+            if not isinstance(value, kind):
+                wanted = getattr(kind, "__name__", "int")
+                raise InputError(
+                    f"{name} is no bag of ROS 2: it holds {value!r:.60}, a {type(value).__name__}, where {wanted} is "
+                    "expected. It is damaged."
+                )
+        yield row
 
 
 def _counted(database: sqlite3.Connection) -> dict[int, int]:
