@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from datetime import timedelta
+from functools import reduce
+from operator import xor
 
 from cases.field_layouts import MS, SECONDS, joined, table
 from cases.layouts import ACCEL, DPS, FLU, FLU_AXES, FRD, GYRO, ROWS, START, TIME, G, Layout, stamps, whole
@@ -33,6 +35,11 @@ def of_columns() -> bytes:
     """What pandas writes: an object of columns, each an object by row."""
     columns = zip(("t_s", *SIX), (TIME, *DPS.T, *G.T), strict=True)
     return json.dumps({name: {str(i): float(x) for i, x in enumerate(column)} for name, column in columns}).encode()
+
+
+def checked(text: str) -> str:
+    """A sentence with its checksum."""
+    return f"${text}*{reduce(xor, text.encode()):02X}\r\n"
 
 
 def echo_csv() -> bytes:
@@ -96,6 +103,12 @@ VENDORS: list[Layout] = [
     Layout("order_in_title.csv", table('"cts","Gyroscope (z,x,y) [rad/s]","(1) [rad/s]","(2) [rad/s]"', [
         f"{1e3 * t:.3f}" for t in TIME], [joined(row[[2, 0, 1]], form="%.14f")[:-1] for row in GYRO]).encode(), FRD,
         accel=False),
+    Layout("tidy.csv", "".join(["time_s,sensor,axis,value\n", *(f"{t},{name},{axis},{x:.10f}\n" for t, d, g in zip(
+        SECONDS, DPS, G, strict=True) for name, row in (("gyro_dps", d), ("accel_g", g)) for axis, x in zip(
+            "xyz", row, strict=True))]).encode(), FRD),
+    Layout("two_sentences.log", "".join(checked(f"{kind},{t},{joined(row)[:-1]}") for t, d, g in zip(
+        SECONDS, DPS, G, strict=True) for kind, row in (("GYR", d), ("ACC", g))).encode(), FRD, asks=True,
+        says="joined on time"),
     Layout("logger.json", logger_json(), FRD, asks=True, says="joined on time"),
     Layout("columns.json", of_columns(), FRD),
     Layout("split.json", json.dumps({"columns": ["t_s", *SIX], "index": list(range(ROWS)), "data": [
