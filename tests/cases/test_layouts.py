@@ -11,11 +11,12 @@ from cases.layouts import DPS, LAYOUTS
 from cases.logger_layouts import LOGGERS
 from cases.more_layouts import MORE
 from cases.running import followed, info
+from cases.vendor_layouts import VENDORS
 from numpy.testing import assert_allclose
 
 from gyronorth.earth import STANDARD_GRAVITY
 
-ALL = [*LAYOUTS, *MORE, *FIELD, *LOGGERS]
+ALL = [*LAYOUTS, *MORE, *FIELD, *LOGGERS, *VENDORS]
 
 
 @pytest.mark.slow

@@ -108,6 +108,25 @@ def miniseed(stations: tuple[str, ...], accel: str) -> Callable[[Path], None]:
     return make
 
 
+def mcap(path: Path) -> None:
+    """Two topics of JSON, each a whole recording."""
+    writer_of = pytest.importorskip("mcap.writer")
+    with path.open("wb") as file:
+        writer = writer_of.Writer(file)
+        writer.start(profile="", library="")
+        for topic in ("/imu/a", "/imu/b"):
+            schema = writer.register_schema("Sample", "jsonschema", b"{}")
+            channel = writer.register_channel(topic, "json", schema)
+            for time, d, g in zip(TIME, DPS.tolist(), G.tolist(), strict=True):
+                sample = {"t_us": round(1e6 * time), "gyro_dps": d, "accel_g": g}
+                writer.add_message(channel, round(1e9 * time), json.dumps(sample).encode(), 0)
+        writer.finish()
+
+
+two_gyros = of(text(titled("t (s)", *(f"gyro{k}_{a} (deg/s)" for k in (1, 2) for a in "xyz"), *(
+    f"acc_{a} (m/s2)" for a in "xyz")), (TIME, *DPS.T, *DPS.T, *FORCE.T), ("%.3f", *["%.10f"] * 9)))  # fmt: skip
+
+
 def at(time: np.ndarray | list[str]) -> bytes:
     return text(stated, with_time(time), TEXT_TIME if isinstance(time, list) else ("%.6f", *TEXT_TIME[1:]))
 
@@ -123,11 +142,10 @@ CASES = [
           of(text(["t (s),x,y,z"], (TIME, *GYRO.T), ("%.3f", *["%.14f"] * 3))), accel=False),
     Asked("columns.py:_unnamed_force", "are like the specific force", "s.csv",
           of(text(titled("t_s", *(f"gyro_{a}_dps" for a in "xyz"), "s1", "s2", "s3")))),
-    Asked("columns.py:_which", "triples may be", "two.csv", of(text(titled("t (s)", *(
-        f"gyro{k}_{a} (deg/s)" for k in (1, 2) for a in "xyz"), *(f"acc_{a} (m/s2)" for a in "xyz")),
-        (TIME, *DPS.T, *DPS.T, *FORCE.T), ("%.3f", *["%.10f"] * 9)))),
+    Asked("columns.py:_which", "triples may be", "two.csv", two_gyros),
+    Asked("columns.py:by_titles", "Which one is meant?", "two.csv", two_gyros),
     Asked("columns.py:by_numbers", "is like a clock", "bare.txt", of(text([], sep=" "))),
-    Asked("columns.py:by_titles", "a unit that is not known", "odd.csv", of(text(titled("time (s)", *(
+    Asked("columns.py:_strange_unit", "a unit that is not known", "odd.csv", of(text(titled("time (s)", *(
         f"gyro_{a} (odd/s)" for a in "xyz"), *(f"acc_{a} (m/s2)" for a in "xyz"))))),
     Asked("columns.py:_unnamed_clock", "is like a clock", "ticking.csv", of(text(titled(
         "ticking", *fields), (TIME + 0.001 * np.sin(TIME), *PLAIN[1:])))),
@@ -141,11 +159,12 @@ CASES = [
     Asked("formats/csv.py:_counting", "its columns w_x, ... hold whole numbers", "lsb.csv", of(text(
         ["# gyro: 100000000 LSB/(deg/s), accel: 1000000 LSB/g", "t_s,gx,gy,gz,ax,ay,az"],
         (TIME, *np.round(DPS * 1e8).T, *np.round(G * 1e6).T), ("%.3f", *["%d"] * 6)))),
+    Asked("formats/mcap.py:_json_topic", "2 topics of JSON", "two.mcap", mcap),
     Asked("formats/miniseed.py:_named", "holds 2 rotational sensors", "m.mseed", miniseed(("A", "B"), "ENZ"), SI),
     Asked("formats/miniseed.py:_automatic", "is not known", "m.mseed", miniseed(("A",), "123"), (*SI, "--axes", "rfu"),
           accel=False),
     Asked("formats/r_data.py:open_r_data", "holds 2 tables", "imu.RData", r_data),
-    Asked("formats/workbook.py:_sheet", "has 2 sheets", "imu.xlsx", workbook),
+    Asked("formats/workbook.py:_sheets", "has 2 sheets", "imu.xlsx", workbook),
     Asked("grid.py:_agree", "of slow.csv steps by", "slow.csv", SLOW, ("--time-unit", "s"), fill=tuple(HZ.items())),
     Asked("grid.py:_check_coarse", "it is too coarse", "coarse.csv", of(at(np.floor(TIME * 4) / 4)), ()),
     Asked("grid.py:_check_gaps", "--window", "gap.csv", of(at(late)), (), samples=400),
@@ -165,7 +184,7 @@ CASES = [
           (*FRD, "--gyro-unit", "deg/s", "--accel-unit", "g"), fill=(("DEG_PER_S_IN_ONE_COUNT", f"{1 / 3.6e8:.12g}"),)),
 ]  # fmt: skip
 #: Those that are made in a process of their own, where nobody looks over their shoulder.
-APART = ("formats/miniseed.py", "formats/r_data.py", "formats/workbook.py", "archive.py")
+APART = ("formats/mcap.py", "formats/miniseed.py", "formats/r_data.py", "formats/workbook.py", "archive.py")
 
 
 @pytest.fixture

@@ -114,3 +114,18 @@ def test_a_file_that_is_cut_off_is_refused_in_one_message(tmp_path, name, cut):
     path.write_text(FILES[name][:-cut])
     with pytest.raises(InputError, match="cut off"):
         read(path, SAID)
+
+
+def test_rows_of_a_tidy_table_that_are_not_whole_are_bad_rows(tmp_path):
+    rows = [f"{t:.2f},{axis},{x:.6f}\n" for t in np.arange(100) / 10 for axis, x in zip(
+        ("gx_dps", "gy_dps", "gz_dps"), (0.1, 0.2, 0.3), strict=True)]  # fmt: skip
+    path = tmp_path / "tidy.csv"
+    path.write_text("time_s,channel,value\n" + "".join(rows))
+    assert read(path, axes="frd").gyro_b.shape == (100, 3)
+    del rows[151]
+    path.write_text("time_s,channel,value\n" + "".join(rows))
+    with pytest.raises(InputError, match="--drop-bad-rows"):
+        read(path, axes="frd")
+    recording = read(path, axes="frd", drop_bad_rows=True)
+    assert (len(recording.gyro_b), recording.rows_dropped, recording.gaps[0].samples) == (100, 1, 1)
+    assert_allclose(np.degrees(recording.gyro_b), np.tile([0.1, 0.2, 0.3], (100, 1)))

@@ -12,7 +12,22 @@ ACCEL_ARRAYS = frozenset(
      "accdata", "accelb", "accb")
 )  # fmt: skip
 TIME_ARRAYS = frozenset(
-    ("t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "tb", "timu", "imut", "imutime", "seconds")
+    (
+        "t",
+        "time",
+        "times",
+        "timestamp",
+        "timestamps",
+        "stamp",
+        "stamps",
+        "tb",
+        "timu",
+        "imut",
+        "imutime",
+        "seconds",
+        "ts",
+        "tstamp",
+    )
 )
 #: Scalars that hold the rate, Hz, and the interval, s.
 RATE_SCALARS, INTERVAL_SCALARS = (

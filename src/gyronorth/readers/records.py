@@ -17,6 +17,7 @@ from gyronorth.readers.json_table import of_array, of_objects, of_one_object
 from gyronorth.readers.lines import COLOUR, COLOURS, NUMBER, pieces_of, spooled
 from gyronorth.readers.sentences import rewriting_of
 from gyronorth.readers.spool import Spooled
+from gyronorth.readers.tidy import rewriting_of_tidy
 from gyronorth.readers.worded import rewriting_of_words
 
 #: Lines that are looked at, fewest numbers in one, and bytes of the longest.
@@ -62,7 +63,7 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     whole = body.split(b"\n") if body.endswith(b"\n") else body.split(b"\n")[:-1]
     if (worded := rewriting_of_words([line.rstrip(b"\r") for line in whole])) is not None:
         return lambda path: spooled(path, worded(pieces_of(path)))
-    if (cells := rewriting_of_cells(lines)) is not None:
+    if (cells := rewriting_of_cells(lines) or rewriting_of_tidy(lines)) is not None:
         return lambda path: spooled(path, cells(pieces_of(path)))
     return (lambda path: spooled(path, pieces_of(path))) if coloured else None
 

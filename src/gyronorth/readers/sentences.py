@@ -51,10 +51,10 @@ def rewriting_of(lines: Sequence[bytes], head: bytes) -> Rewriting | None:
     stated = _FMT.search(head)
     if stated is not None and head.lstrip().startswith(b"FMT,"):
         return partial(_of_ardupilot, kind=stated[1], titles=[title.strip() for title in stated[2].split(b",")])
-    if (kind := _sentence(lines)) is not None:
+    if kinds := _sentences(lines):
         from gyronorth.frames import recognise
 
-        return None if recognise(head) is not None else partial(_of_sentences, kind=kind)
+        return None if recognise(head) is not None else partial(_of_sentences, kinds=kinds)
     if sum(_STAMPED.fullmatch(line) is not None for line in lines) >= MOST * len(lines):
         return _of_stamped
     if _GROUPED_POINT.search(head) or _GROUPED_COMMA.search(head):
@@ -67,19 +67,26 @@ def rewriting_of(lines: Sequence[bytes], head: bytes) -> Rewriting | None:
     return None
 
 
-def _sentence(lines: Sequence[bytes]) -> bytes | None:
-    """The kind of sentence that comes most often and holds numbers enough; None where two are as frequent."""
+def _sentences(lines: Sequence[bytes]) -> tuple[bytes, ...]:
+    """The kind of sentence that comes most often and holds numbers enough, or a gyroscope's and an accelerometer's.
+
+    () where two others are as frequent.
+    """
     found = [match for line in lines if (match := _SENTENCE.fullmatch(line))]
     if not lines or len(found) < MOST * len(lines):
-        return None
+        return ()
     kinds = Counter(match[1] for match in found if len(re.findall(rb"(?:^|,)%b(?=,|$)" % _NUMBER, match[2])) >= FEWEST)
     first, second = [*kinds.most_common(2), (b"", 0), (b"", 0)][:2]
-    return first[0] if first[1] > 2 * second[1] else None
+    if first[1] > 2 * second[1]:
+        return (first[0],)
+    both = sorted((first[0], second[0]), key=lambda kind: b"ACC" in kind.upper())
+    return tuple(both) if b"GYR" in both[0].upper() and b"ACC" in both[1].upper() else ()
 
 
-def _of_sentences(pieces: Iterable[bytes], *, kind: bytes) -> Iterator[bytes]:
-    """The rows of one kind of sentence; one whose checksum does not hold becomes a row that says so."""
-    pattern = re.compile(rb"(?m)^\s*\$%b,[^*$\n]*\*[0-9A-Fa-f]{2}\s*$" % kind)
+def _of_sentences(pieces: Iterable[bytes], *, kinds: Sequence[bytes]) -> Iterator[bytes]:
+    """The rows of one kind of sentence, or of two with their names; a wrong checksum makes a row that says so."""
+    pattern = re.compile(rb"(?m)^\s*\$(?:%b),[^*$\n]*\*[0-9A-Fa-f]{2}\s*$" % b"|".join(kinds))
+    begin = 1 if len(kinds) > 1 else len(kinds[0]) + 2
     for piece in pieces:
         lines = [line.strip() for line in pattern.findall(piece)]
         if not lines:
@@ -88,7 +95,7 @@ def _of_sentences(pieces: Iterable[bytes], *, kind: bytes) -> Iterator[bytes]:
         edges = np.stack([np.flatnonzero(symbols == ord("$")) + 1, np.flatnonzero(symbols == ord("*"))], axis=1)
         sums = np.bitwise_xor.reduceat(symbols, edges.ravel())[::2]
         rows = [
-            line[len(kind) + 2 : -3] if int(line[-2:], 16) == found else b"'checksum of %b'" % line[: len(kind) + 1]
+            line[begin:-3] if int(line[-2:], 16) == found else b"'checksum of %b'" % line.split(b",")[0]
             for line, found in zip(lines, sums.tolist(), strict=True)
         ]
         yield b"\n".join(rows) + b"\n"

@@ -270,6 +270,9 @@ def _axis(words: list[str]) -> tuple[int | None, list[str]]:
         match = _GLUED.fullmatch(words[i])
         if match and (match[1] in _STEMS or (i == 0 and match[1] in (*GYRO_LETTERS, *ACCEL_LETTERS, "d"))):
             return _AXES[match[2]], [*words[:i], match[1], *words[i + 1 :]]
+    out = [i for i, word in enumerate(words) if word in ("xout", "yout", "zout")]
+    if len(out) == 1 and _STEMS & set(words):  # GYRO_XOUT
+        return _AXES[words[out[0]][0]], words[: out[0]] + words[out[0] + 1 :]
     before = _GLUED_BEFORE.fullmatch(words[0]) if words else None
     if before and before[2] in _STEMS:  # xgyro_out
         return _AXES[before[1]], [before[2], *words[1:]]
