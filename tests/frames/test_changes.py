@@ -209,3 +209,19 @@ def test_a_long_counter_that_goes_back_is_a_restart_and_no_loss():
                for i in range(300)]  # fmt: skip
     samples, report = decode(b"".join(wrapped[:90] + wrapped[100:]), options=Options(rate_hz=400.0))
     assert (report.lost, samples.jumped.any()) == (10, False)
+
+
+@pytest.mark.parametrize("damaged", [(2, 6), (4, 200), (300,)])
+def test_losses_between_five_control_messages_are_counted_though_the_first_frames_are_damaged(damaged):
+    """HG4930: no counter, no clock; the bytes from sample to sample tell, of whole samples and of control messages."""
+    case = encoders.CASES["hg4930"](400)
+    (control,) = case.others
+    parts = [bytearray(5 * control + frame) for frame in case.frames]
+    parts[0] = parts[0][50:]
+    for place in damaged:
+        parts[place][-10] ^= 4  # of the sample
+        parts[place + 2][30] ^= 4  # of two control messages
+        parts[place + 2][50] ^= 4
+    samples, report = decode(b"".join(parts), "hg4930")
+    assert (len(samples), report.lost) == (400 - len(damaged), len(damaged))
+    assert np.array_equal(samples.number, np.delete(np.arange(400), damaged))

@@ -7,8 +7,9 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.frames.framing import Frames
 
-#: Samples come at even distances, with other frames between them or not, where this share of them does.
-_EVEN = 0.9
+#: Samples come at even distances, with other frames between them or not, where this share of the first ones does; some
+#: of them may be damaged.
+_EVEN = 0.75
 
 
 class Spacing:
@@ -26,7 +27,8 @@ class Spacing:
         self._length = float(frames.length[index].mean())
         distances = np.diff(frames.start[index])
         usual = float(np.median(distances)) if len(distances) else 0.0
-        even = len(distances) > 1 and float((distances == usual).mean()) > _EVEN
+        whole = distances % usual == 0 if usual else distances < 0  # twice as far: one between was damaged
+        even = len(distances) > 1 and float(whole.mean()) > _EVEN
         self._distance = usual if even and usual > self._length + 2 else None  # a line's end is no other frame
 
     def shown(self, frames: Frames, index: Index) -> tuple[Index, Mask]:
