@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import json
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -226,9 +228,50 @@ def test_only_numbers_name_recordings_and_folders_are_sessions(clone):
     assert found.passed_over == ("x_results.csv", "x_GC_MA.csv")
     assert (found.sessions.count("Train"), found.sessions.count("Test")) == (30, 6)
     about = StudyPlan(data=str(clone)).about()
+    assert "On the first 205 s of the 36 recordings" in about
     assert "Train (30)" in about
     assert "x_GC_MA.csv" in about
     assert "reconstruction" not in about
+
+
+def in_a_copy(clone, tmp_path):
+    """A clone that a test may spoil, and a table of one of its recordings."""
+    folder = tmp_path / "clone"
+    shutil.copytree(clone, folder)
+    return folder, (folder / "data/Train/x_30.csv").read_text()
+
+
+@pytest.mark.slow
+def test_recordings_that_are_not_taken_are_told_whatever_they_are_called(clone, tmp_path):
+    """Capitals are the same name; what is packed, a copy or below zero is passed over, and said to be."""
+    folder, text = in_a_copy(clone, tmp_path)
+    (folder / "data/Train/x_30.csv").rename(folder / "data/Train/X_30.CSV")
+    with gzip.open(folder / "data/Train/x_41.csv.gz", "wt") as packed:
+        packed.write(text)
+    for name in ("x_30 (1).csv", "x_-10.csv"):
+        (folder / "data/Train" / name).write_text(text)
+    found = source.public_set(str(folder))
+    assert found.sessions.count("Train") == 30
+    assert set(found.passed_over) == {"x_GC_MA.csv", "x_results.csv", "x_41.csv.gz", "x_30 (1).csv", "x_-10.csv"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "made", "message"),
+    [
+        ("Test/x_30.csv", str, "Train/x_30.csv holds the same samples as .*Test/x_30.csv: .* Remove one of them"),
+        (
+            "Train/x_30.csv",
+            lambda text: "".join(text.splitlines(True)[:200]),
+            r"x_30.csv lasts 64\.\d s; .* need 100 s",
+        ),
+    ],
+)
+def test_recordings_that_are_there_twice_or_cut_off_are_refused_by_name(clone, tmp_path, name, made, message):
+    folder, text = in_a_copy(clone, tmp_path)
+    (folder / "data" / name).write_text(made(text))
+    with pytest.raises(InputError, match=message):
+        source.public_set(str(folder))
 
 
 @pytest.mark.slow

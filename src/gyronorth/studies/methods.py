@@ -14,7 +14,7 @@ from gyronorth.earth import EARTH_RATE
 from gyronorth.evaluation import Split
 from gyronorth.published import LATITUDE, Twin, model_based
 from gyronorth.sensor import Sensor, TriadErrors
-from gyronorth.studies.source import recordings_of
+from gyronorth.studies.source import WINDOW, recordings_of
 from gyronorth.uncertainty import cramer_rao_floor
 
 Array = NDArray[np.float64]
@@ -34,8 +34,6 @@ DEVIATIONS = {
     LEARNED: "learned",
 }
 METHODS = (MODEL_BASED, CLASSICAL, *DEVIATIONS)
-#: Length of the windows of the paper, s.
-WINDOW = 100.0
 
 
 def north(rate: float) -> float:

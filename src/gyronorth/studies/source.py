@@ -9,15 +9,22 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
 from gyronorth.published import Twin, published_twin
 
+if TYPE_CHECKING:
+    from gyronorth.sources.listing import Item
+
 _RECORDING = re.compile(r"x_\d+(?:\.\d+)?\.csv", re.IGNORECASE)
 #: Rate of the studies, Hz: the paper's, from 600 Hz by averages of 200 samples, which keep the mean.
 RATE = 3.0
+#: Length of the windows of the paper, s.
+WINDOW = 100.0
 
 
 def recordings_of(seed: int, data: dict | None = None) -> Twin:
@@ -48,7 +55,9 @@ def about(data: str | None) -> str:
     found = described(data)
     count = sum(found["sessions"].values())
     sessions = ", ".join(f"{name} ({number})" for name, number in found["sessions"].items())
-    text = f"On the {count} recordings in {data}, of the folders {sessions}; biases and noise are theirs."
+    duration = public_recordings(data).duration
+    text = f"On the first {duration:.0f} s of the {count} recordings in {data}, of the folders {sessions}; "
+    text += "biases and noise are theirs."
     if len(found["sessions"]) > 1:
         text += " Each folder is taken for a session of its own; splits draw from all of them."
     if found["passed_over"]:
@@ -67,7 +76,7 @@ class PublicSet:
 
     recordings: Twin
     sessions: tuple[str, ...]  # of each: the folder that it is in
-    passed_over: tuple[str, ...]  # names of files x_*.csv that are no recordings
+    passed_over: tuple[str, ...]  # names of files x_* that are no recordings
 
 
 def public_recordings(folder: str) -> Twin:
@@ -85,17 +94,18 @@ def public_set(folder: str) -> PublicSet:
     Raises
     ------
     InputError
-        If there are no such files, or one has no reference heading.
+        If there are no such files, or one has no reference heading, is shorter than a window of the studies, or holds
+        the samples of another.
     """
     from gyronorth.attitude import level, mat_lb
     from gyronorth.conditioning import decimated
-    from gyronorth.sources.listing import Item, recordings
+    from gyronorth.sources.listing import recordings
     from gyronorth.sources.reading import read_each
 
     named: list[Item] = []
     with suppress(InputError):  # what was expected is said below
         named = sorted(
-            (item for item in recordings([folder]) if Path(item.address).match("x_*.csv")),
+            (item for item in recordings([folder]) if Path(item.address).name.lower().startswith("x_")),
             key=lambda item: Path(item.address),
         )
     items = [item for item in named if _RECORDING.fullmatch(Path(item.address).name)]
@@ -112,12 +122,29 @@ def public_set(folder: str) -> PublicSet:
             recording = recording.rotated(mat_lb(*level(recording.accel_b.mean(axis=0))))
         rates.append(decimated(recording, RATE).gyro_b)
         headings.append(recording.heading_true)
+    _check_rates(rates, items)
     samples = min(len(rate) for rate in rates)
     gyro_l = np.stack([rate[:samples] for rate in rates])
     noise = np.sqrt(np.median(np.mean(np.diff(gyro_l, axis=1) ** 2, axis=1)) / 2)
     twin = Twin(gyro_l, np.array(headings), RATE, float(noise / np.sqrt(RATE)))
     others = tuple(Path(item.address).name for item in named if item not in items)
     return PublicSet(twin, tuple(Path(item.address).parent.name for item in items), others)
+
+
+def _check_rates(rates: list[NDArray[np.float64]], items: list[Item]) -> None:
+    """Refuse a recording too short for a window, and one that is there twice: a split would train on what it tests."""
+    known: dict[bytes, Item] = {}
+    for rate, item in zip(rates, items, strict=True):
+        if len(rate) < WINDOW * RATE:
+            raise InputError(
+                f"{item.address} lasts {len(rate) / RATE:.1f} s; the studies need {WINDOW:g} s. Is it cut off, or its "
+                "rate another one? Remove it, or bring it whole."
+            )
+        if (first := known.setdefault(rate.tobytes(), item)) is not item:
+            raise InputError(
+                f"{item.address} holds the same samples as {first.address}: a split would train on a recording that "
+                "it tests. Remove one of them."
+            )
 
 
 def _sha256(recordings: Twin) -> str:
