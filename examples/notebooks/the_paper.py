@@ -81,5 +81,5 @@ print(f"median split {np.median(ratios):.2f}; {100 * np.mean(ratios <= 0.74):.0f
 for row in table("protocol", "Choice of the epoch"):
     ratio = row["ratio to model-based"]
     if isinstance(ratio, dict):
-        name = " | ".join(str(value) for value in list(row.values())[:2])
+        name = " | ".join(str(value) for value in list(row.values())[:2]).replace("**", "")
         print(f"{name:60} {ratio['value']:.2f} ({ratio['low']:.2f} to {ratio['high']:.2f})")
