@@ -22,6 +22,7 @@ class Comparison:
     targets: dict[str, float] = field(default_factory=dict)  # name of a peer: how many times as fast we promise to be
     limit: float | None = None  # promised CPU seconds of ours, where there is no peer to divide by
     rounds: int | None = None  # overrides the runner's number of rounds
+    told: bool = False  # whether each candidate returns the CPU seconds of its work, without its start; none is untimed
     megabytes: float | None = None  # promised peak memory of ours, whose work then returns it; no untimed round before
 
 
@@ -59,7 +60,7 @@ def run(comparison: Comparison, *, rounds: int) -> Result:
     """Time the candidates in turn, round after round, after one untimed round."""
     seconds: dict[str, list[float]] = {name: [] for name in comparison.candidates}
     names = list(comparison.candidates)
-    for name in names if comparison.megabytes is None else ():
+    for name in names if comparison.megabytes is None and not comparison.told else ():
         comparison.candidates[name]()
     peak = None
     for number in range(comparison.rounds or rounds):
@@ -69,7 +70,7 @@ def run(comparison: Comparison, *, rounds: int) -> Result:
             done = comparison.candidates[name]()
             if comparison.megabytes is not None and name == comparison.ours:
                 peak = max(peak or 0.0, float(done))  # type: ignore[arg-type]
-            seconds[name].append(_cpu_seconds() - start)
+            seconds[name].append(float(done) if comparison.told else _cpu_seconds() - start)  # type: ignore[arg-type]
     return Result(comparison, seconds, peak)
 
 

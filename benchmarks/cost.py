@@ -18,6 +18,8 @@ from gyronorth.readers import write
 from gyronorth.simulation import simulate
 
 RATE_HZ, LONG, SHORT, SEED = 600.0, 1800.0, 100.0, 1
+#: pyarrow loads pandas where it can.
+WITHOUT_PANDAS = "import sys; sys.modules['pandas'] = None\n"
 #: Most CPU time of ours over that of the script.
 READING, IMPORTS = 1.6, 1.8
 
@@ -28,13 +30,15 @@ def comparisons() -> Iterator[Comparison]:
     with tempfile.TemporaryDirectory() as folder:
         for suffix in ("csv", "parquet"):
             path = _written(Path(folder, f"long.{suffix}"), LONG)
-            loads = [sys.executable, "-c", LOADS, str(path), *([str(_comments(path))] if suffix == "csv" else [])]
+            of = [str(path), *([str(_comments(path))] if suffix == "csv" else [])]
+            loads, alone = ([sys.executable, "-c", code, *of] for code in (LOADS, WITHOUT_PANDAS + LOADS))
             yield Comparison(
                 f"heading of {LONG * RATE_HZ:.0f} rows of {suffix}, six axes, the whole process",
                 ours="gyronorth heading",
                 candidates={
                     "gyronorth heading": partial(_run, [*command, str(path), "--sensor", "sdc500"]),
                     "pyarrow and means": partial(_run, loads),
+                    "pyarrow and means, pandas not installed": partial(_run, alone),
                 },
                 targets={"pyarrow and means": 1 / READING},
             )

@@ -8,9 +8,9 @@ from scipy import stats
 
 from gyronorth.alignment.posterior.blocks import COUNT, blocks_of
 from gyronorth.alignment.posterior.explain import weigh
-from gyronorth.alignment.posterior.law import FINE, block_operators, law
+from gyronorth.alignment.posterior.law import FINE, WALK_MODES, block_operators, fitted_law, law
 from gyronorth.alignment.posterior.model import posterior
-from gyronorth.alignment.posterior.tones import by_periodogram, shows_tones, tone_fit
+from gyronorth.alignment.posterior.tones import BUMP_RATE, by_periodogram, shows_tones, tone_fit
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.pipeline import heading
 from gyronorth.recording import Recording
@@ -87,12 +87,46 @@ def test_evidence_is_that_of_the_dense_gaussian(accel):
     assert size == len(seen)
 
 
-def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
+def test_noise_that_is_added_is_noise_of_the_rate():
+    """Estimates and differences of log weights against the dense law with a covariance of low rank beside its own."""
+    sensor, seconds = read_sensor("isa100c"), 5.0
+    known, rng = fitted_law(seconds, sensor, known=True), np.random.default_rng(4)
+    rate, added = rng.normal(0, 1e-6, (2, COUNT, 3)), rng.normal(0, 3e-7, (2, COUNT, 3))
+    added[1, :, 2] = 0.0
+    log_h, info_h, rate_h, *_ = weigh(known, rate, None, added)
+    base = int(np.flatnonzero((known.drift == 2) & (known.sway == 0))[0])
+    whiten, shapes = known.horizontal.whiten[base], known.shapes
+    own, modes = np.linalg.inv(whiten.T @ whiten), np.arange(WALK_MODES) + 0.5
+    time = (np.arange(COUNT) + 0.5) / COUNT
+    walk = np.sqrt(2) * np.sin(np.pi * modes * time[:, None]) / (np.pi * modes) * known.bias
+    values = []
+    for number in range(2):
+        for shape in (0, 5, 20, 60, *shapes.walks):
+            covariance = own + added[number] @ added[number].T
+            if shape in shapes.walks:
+                covariance += shapes.size[shape] ** 2 * walk @ walk.T
+            elif shape:
+                column = shapes.gyro[:, shapes.column[shape]]
+                covariance += np.outer(column, column) * shapes.size[shape] ** 2
+            inverse, constant = np.linalg.inv(covariance), np.ones(COUNT)
+            information = constant @ inverse @ constant
+            estimate = constant @ inverse @ rate[number, :, :2] / information
+            left = rate[number, :, :2] - constant[:, None] * estimate
+            log_p = -np.linalg.slogdet(covariance)[1] - np.log(information) - 0.5 * np.sum(left * (inverse @ left))
+            assert info_h[number, base, shape] == pytest.approx(information, rel=1e-6)
+            np.testing.assert_allclose(rate_h[:, number, base, shape], estimate, rtol=1e-5, atol=1e-12)
+            values.append(log_h[number, base, shape] - log_p)
+    np.testing.assert_allclose(values, values[0], atol=1e-4)
+
+
+@pytest.mark.parametrize("bumped", [False, True])
+def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means(bumped):
     """Centre, covariance and weight against the dense normal law of samples with two columns for the tone."""
     rng, rate_hz, white, frequency = np.random.default_rng(5), 2.4, 1e-6, 0.11
     samples = 10 * COUNT
     seen = rng.normal(0, 2e-6, (samples, 3))
-    fit = tone_fit(seen, rate_hz, white, np.array([0.31, frequency]), None)
+    masked = (np.arange(samples) > 52) & (np.arange(samples) < 64) if bumped else np.zeros(samples, dtype=bool)
+    fit = tone_fit(seen, rate_hz, white, np.array([0.31, frequency]), masked if bumped else None)
     one, none = fit.explained([1], 0.0), fit.explained([], 0.0)
     phase = 2 * np.pi * frequency * (np.arange(samples) + 0.5) / rate_hz
     from gyronorth.alignment.tones.search import TONE_RATE
@@ -109,11 +143,11 @@ def test_a_tone_taken_out_leaves_the_likelihood_of_the_block_means():
         log_p = -1.5 * np.linalg.slogdet(covariance)[1] - 0.5 * np.sum(left * (inverse @ left))
         return centre, np.linalg.inv(information), log_p - 1.5 * np.linalg.slogdet(information)[1]
 
-    noise = white**2 * rate_hz * np.eye(samples)
+    noise = np.diag(white**2 * rate_hz + BUMP_RATE**2 * masked)
     centre, covariance, log_p = dense(noise + columns @ columns.T)
     np.testing.assert_allclose(one.rate_l, centre, rtol=1e-6, atol=1e-14)
     whole = one.added @ one.added.T + white**2 * rate_hz / 10 * np.eye(COUNT)
-    np.testing.assert_allclose(whole, covariance, rtol=1e-6, atol=1e-22)
+    np.testing.assert_allclose(whole, covariance, rtol=1e-6, atol=1e-20)
     assert one.log_weight - none.log_weight == pytest.approx(log_p - dense(noise)[2], rel=1e-6, abs=1e-4)
 
 

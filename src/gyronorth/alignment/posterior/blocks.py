@@ -19,8 +19,9 @@ COUNT = 24
 FINE_RATE, FINE_SAMPLES = 3.0, 900
 #: Parts in which the yaw is looked at, and the share of its variance that one step explains where it was nudged.
 YAW_BLOCKS, NUDGED = 48, 0.9
-#: Samples beyond which second-order terms of the motion are worked out from means.
-FINE = 200_000
+#: Samples beyond which second-order terms of the motion are worked out from means, and second differences from which
+#: the noise is read.
+FINE, DIFFERENCES = 80_000, 10_000
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,13 @@ def blocks_of(
     small = small if size // small >= 4 else 1
     rate, step = (block_means(gyro_b, small) if small > 1 else gyro_b) @ turn, small / rate_hz
     white = density_at_short_lags(rate, step=step)
-    rate, yaw = _without_turn(rate, step)
+    rate, turned = _without_turn(rate, step)
     trace, gravity = None, np.full(r, np.nan)
     if accel_b is not None:
         force = (block_means(accel_b, small) if small > 1 else accel_b) @ turn
         gravity = np.linalg.norm(mean_of_rows(force), axis=-1)
         tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity[:, None, None]
-        tilt = _turned(tilt - mean_of_rows(tilt)[:, None], yaw)
+        tilt = _turned(tilt - mean_of_rows(tilt)[:, None], *turned)
         if attitude is None:
             rate = _linear(rate, tilt)
         angle = (np.cumsum(rate[..., :2], axis=1) - rate[..., :2] / 2) * step
@@ -96,8 +97,8 @@ def blocks_of(
     return Blocks(means, trace, whole * step, fine, white, roll, pitch, gravity)
 
 
-def _without_turn(rate: Array, step: float) -> tuple[Array, Array]:
-    """Rates in the level frame that the unit ends in, and the yaw (r, n) from there, rad.
+def _without_turn(rate: Array, step: float) -> tuple[Array, tuple[Array, Array]]:
+    """Rates in the level frame that the unit ends in, and cosine and sine of the yaw (r, n) from there.
 
     A nudge is no change of the Earth rate. The yaw is the integral of the vertical rate off its median over blocks,
     which a turn within a block leaves alone; that median also stands for the vertical rate while it is nudged, since
@@ -115,7 +116,8 @@ def _without_turn(rate: Array, step: float) -> tuple[Array, Array]:
     upright = rate[..., 2].copy()
     nudged: Mask = np.asarray((sample >= start) & (sample < start + 2 * size), dtype=bool)
     np.copyto(upright, steady, where=nudged)
-    return np.concatenate([_turned(rate[..., :2], yaw), upright[..., None]], axis=-1), yaw
+    turned = np.cos(yaw), np.sin(yaw)
+    return np.concatenate([_turned(rate[..., :2], *turned), upright[..., None]], axis=-1), turned
 
 
 def _last_yaw(yaw: Array) -> tuple[Array, Index]:
@@ -140,9 +142,8 @@ def _last_yaw(yaw: Array) -> tuple[Array, Index]:
     return np.asarray(np.where(nudged, settled, whole), dtype=float), np.where(nudged, best, -2)
 
 
-def _turned(vector: Array, yaw: Array) -> Array:
-    """Horizontal vectors (r, n, 2) of a frame turned clockwise by `yaw`, seen before the turn."""
-    cosine, sine = np.cos(yaw), np.sin(yaw)
+def _turned(vector: Array, cosine: Array, sine: Array) -> Array:
+    """Horizontal vectors (r, n, 2) of a frame turned clockwise by a yaw, seen before the turn."""
     x, y = vector[..., 0], vector[..., 1]
     return np.stack([x * cosine - y * sine, y * cosine + x * sine], axis=-1)
 
@@ -168,7 +169,8 @@ def density_at_short_lags(rate: Array, *, step: float, longest: float = 1.0) -> 
     size = 1
     while size == 1 or (size * step <= longest and rate.shape[1] // size >= 60):
         means = block_means(rate, size) if size > 1 else rate
-        second = means[:, 2:] - 2 * means[:, 1:-1] + means[:, :-2]
+        some = slice(None, None, -(-means.shape[1] // DIFFERENCES))
+        second = means[:, 2:][:, some] - 2 * means[:, 1:-1][:, some] + means[:, :-2][:, some]
         # Of three axes: a robust scale, since bumps and knocks stand out.
         middle = np.median(np.abs(second), axis=(1, 2)) / 0.6745 / np.sqrt(6)
         found.append(middle * np.sqrt(size * step))

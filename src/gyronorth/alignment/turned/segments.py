@@ -17,6 +17,7 @@ from gyronorth.alignment.turned.driving import standing
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, median, robust_noise
 from gyronorth.attitude import attitude_path, conjugate, multiply, rotate
+from gyronorth.conditioning import block_means
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
 
@@ -150,7 +151,7 @@ def find_segments(
     count = len(gyro_b) // size
     if count < 3:
         return Segments((), (), ())
-    chunk = gyro_b[: count * size].reshape(count, size, 3).mean(axis=1)
+    chunk = block_means(gyro_b, size)
     scatter = robust_noise(chunk, axis=0)
     slow = chunk[(np.abs(chunk) < limit + MOTION_SIGMAS * scatter).all(axis=1)]
     if len(slow) * size < SHORTEST_STRETCH * rate_hz:
