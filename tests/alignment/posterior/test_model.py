@@ -167,7 +167,7 @@ def test_a_tilt_that_settles_in_any_time_is_no_drift_of_the_accelerometer():
 
 @pytest.mark.slow
 def test_a_platform_that_turns_ever_more_slowly_is_no_settling_bias():
-    """Of 12 headings 7 were refused: the turn about the vertical was taken for a bias of all axes."""
+    """All 12 were refused: the turn about the vertical was taken for a bias of all axes."""
     sensor, runs, angle = read_sensor("isa100c"), 12, np.radians(0.3)
     gyro_b, accel_b, truth = simulated(sensor, runs, moves=settles(angle, 2))
     records = [Recording(g, a, RATE_HZ) for g, a in zip(gyro_b, accel_b, strict=True)]
