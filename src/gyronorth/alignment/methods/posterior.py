@@ -35,7 +35,7 @@ from gyronorth.sensor import Sensor
 #: Scale of bias or drift from which a profile is said not to fit, and the probability that a kind must have to be told.
 TOLD_SCALE, TOLD = 2.0, 0.5
 #: Probability of a bias far beyond the profile from which the plain mean is judged: the prior of such a bias is small.
-FAULT = 0.4
+FAULT = 0.25
 #: A slow tilt is likely from the start (0.72 beside an accelerometer): told where the recording makes its odds three
 #: times those, positive evidence by Kass and Raftery (J. Am. Stat. Assoc. 90, 1995).
 TILT_TOLD = 3 * TILT / (1 + 2 * TILT)

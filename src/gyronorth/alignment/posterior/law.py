@@ -333,7 +333,9 @@ def _creep(seconds: float) -> Array:
     edges: Array = np.asarray(np.arange(COUNT + 1) / COUNT, dtype=float)
     tau = np.geomspace(*CREEP_TIMES, 16)[:, None]
     rate = np.diff(np.expm1(-edges / tau) / np.expm1(-1 / tau), axis=1) / seconds
-    return rate.T @ rate / len(tau)
+    covariance = rate.T @ rate / len(tau)
+    # Of full rank, for a profile without white noise.
+    return covariance + 1e-12 * np.trace(covariance) * np.eye(COUNT)
 
 
 def _walk_modes() -> Array:
