@@ -30,7 +30,7 @@ def number(what: str, value: Any) -> float:
     """
     single = value.item() if getattr(value, "ndim", None) == 0 else value
     try:
-        if isinstance(single, Real) and type(single) is not bool:
+        if not isinstance(single, bool) and isinstance(single, Real):
             return float(single)
     except OverflowError:
         pass

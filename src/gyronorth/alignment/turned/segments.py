@@ -155,11 +155,12 @@ def find_segments(
     scatter = robust_noise(chunk, axis=0)
     slow = chunk[(np.abs(chunk) < limit + MOTION_SIGMAS * scatter).all(axis=1)]
     if len(slow) * size < SHORTEST_STRETCH * rate_hz:
-        moving = np.ones(count, dtype=bool)
+        moving: Mask = np.ones(count, dtype=bool)
     else:
         centre = median(slow, axis=0)
         sigma = np.maximum(scatter, 1.4826 * median(np.abs(slow - centre), axis=0))
-        moving = (np.abs(chunk - centre) > np.maximum(MOTION_SIGMAS * sigma, MOTION_FLOOR)).any(axis=1)
+        off = np.abs(chunk - centre) > np.maximum(MOTION_SIGMAS * sigma, MOTION_FLOOR)
+        moving = np.asarray(off.any(axis=1), dtype=bool)
     moving = _widened(moving, max(1, round(EDGE * rate_hz / size)))
     found = [(a * size, len(gyro_b) if b == count else b * size) for a, b in _runs(~moving)]
     if accel_b is not None and found:
