@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gyronorth.alignment.turned.driving import standing
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array, median, robust_noise
+from gyronorth.arrays import Array, Mask, median, robust_noise
 from gyronorth.attitude import attitude_path, conjugate, multiply, rotate
 from gyronorth.conditioning import block_means
 from gyronorth.earth import EARTH_RATE
