@@ -96,8 +96,8 @@ def test_shares_of_splits_by_hand():
     [
         (Interval(0.7, 0.6, 0.74), "holds"),
         (Interval(0.9, 0.75, 1.2), "**does not hold**"),
-        (Interval(0.7, 0.5, 0.9), "undecided"),
-        (Interval(0.7, 0.5, 1.1), "undecided (the interval contains 1)"),
+        (Interval(0.7, 0.5, 0.9), "cannot be told"),
+        (Interval(0.7, 0.5, 1.1), "cannot be told (the interval contains 1)"),
         (0.74, "holds"),
         (0.75, "**does not hold**"),
     ],

@@ -71,4 +71,4 @@ def verdict(found: Interval | float, *, low: float = -np.inf, high: float = np.i
     if interval.high < low or interval.low > high:
         return "**does not hold**"
     ratio = low == -np.inf and interval.low < 1 < interval.high
-    return f"undecided{' (the interval contains 1)' if ratio else ''}"
+    return f"cannot be told{' (the interval contains 1)' if ratio else ''}"
