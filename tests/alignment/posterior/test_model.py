@@ -10,7 +10,7 @@ from gyronorth.alignment.posterior.blocks import COUNT, blocks_of
 from gyronorth.alignment.posterior.explain import weigh
 from gyronorth.alignment.posterior.law import FINE, WALK_MODES, block_operators, fitted_law, law
 from gyronorth.alignment.posterior.model import posterior
-from gyronorth.alignment.posterior.tones import BUMP_RATE, by_periodogram, shows_tones, tone_fit
+from gyronorth.alignment.posterior.tones import BUMP_RATE, by_periodogram, periodograms, shows_tones, tone_fit
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.pipeline import heading
 from gyronorth.recording import Recording
@@ -221,7 +221,7 @@ def test_wind_without_an_accelerometer_is_no_drift_of_ten_times_the_profile(name
     """Where sizes of the wind were ten times apart, a third of sdc500 was refused; hg9900 had 17 deg, oracle 3.5."""
     sensor, runs = read_sensor(name), 8
     gyro_b, _, truth = simulated(sensor, runs, accel=False, moves=lambda draw: draw.wind(np.radians(0.01)))
-    found, _, inside = judged(sensor, gyro_b, None, truth, propose=lambda: by_periodogram)
+    found, _, inside = judged(sensor, gyro_b, None, truth, propose=periodograms)
     assert np.sum(~inside) <= most_missed(runs)
     half = [np.degrees(one.density.high - one.density.low) / 2 for one in found]
     assert np.median(half) < widest

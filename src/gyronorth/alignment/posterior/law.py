@@ -47,7 +47,7 @@ CREEP_TIMES, CREEP = (0.05, 3.0), 0.05
 CREEPS, YAW_CREEPS = tuple(np.radians((0.01, 0.03, 0.1, 0.3))), tuple(np.radians((0.03, 0.3)))
 #: Settling bias: time constants, s, probability, and size over the profile's constant and in-run bias.
 SETTLING_TIMES = tuple(15.0 * 1.6 ** np.arange(13))
-SETTLING, SETTLING_SIZES = 0.16, (1.0, 3.0, 10.0, 30.0)
+SETTLING, SETTLING_SIZES = 0.12, (1.0, 3.0, 10.0, 30.0)
 SETTLING_SIZE_PRIOR = (0.15, 0.25, 0.57, 0.03)
 #: Time constants up to this, s, and their share of the prior.
 FAST, FAST_SHARE = 120.0, 0.4
