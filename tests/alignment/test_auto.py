@@ -47,7 +47,7 @@ def test_two_poses_are_turned():
 @pytest.mark.parametrize("seed", range(4))
 def test_what_the_accelerometer_sees_is_no_earth_rate(seed):
     result = chosen(problem("hg9900", seed=seed, motion=Motion(disturbance=rolling)))
-    assert "sway (" in result.why
+    assert "sway" in result.why
     assert_allclose(result.attitude.heading, 1.0, atol=4 * float(result.posterior.sigma))
     assert result.posterior.sigma < np.radians(1.0)
 

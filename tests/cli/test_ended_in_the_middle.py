@@ -134,7 +134,7 @@ def test_a_benchmark_keeps_what_is_finished(tmp_path, monkeypatch, how):
             yield pool
 
     monkeypatch.setattr("gyronorth.many.workers.executor_on", threads)
-    monkeypatch.setattr("gyronorth.studies.work._work", lambda unit, needs: {"name": unit.name})
+    monkeypatch.setattr("gyronorth.studies.work._work", lambda unit, needs: ({"name": unit.name}, 0.0))
     second = {"before": "001.json"}
     command = "benchmark published --study leave_one_out -o out"
     status, said = ended(command.split(), tmp_path, **({"room": 100} if how == "full" else {"by": how, **second}))
