@@ -140,8 +140,8 @@ def _claims(found: dict[str, Pooled], seed: int) -> Table:
         rows.append((label, printed, ratio, verdict(ratio, high=limit), _of_kept(error, other, a.recording, seed)))
     columns = ("claim", "the paper", "ratio here", "verdict", "ratio of tests that neither lost")
     note = (
-        "Verdict: whether the ratio is at most what the paper prints, or at most 1 where it prints none; *cannot be told* "
-        f"where the 95 % interval reaches to both sides. Lost: in error by more than {LOST_DEG:g} deg."
+        "Verdict: whether the ratio is at most what the paper prints, or at most 1 where it prints none; *cannot be "
+        f"told* where the 95 % interval reaches to both sides. Lost: in error by more than {LOST_DEG:g} deg."
     )
     return Table("Claims", columns, tuple(rows), note)
 
