@@ -1,9 +1,11 @@
 """Work in a process of its own: answers, errors, limits, crashes, Ctrl-C."""
 
+import gc
 import os
 import signal
 import threading
 import time
+import weakref
 
 import numpy as np
 import pytest
@@ -133,3 +135,24 @@ def test_ctrl_c_is_heard_while_the_child_is_busy_and_the_child_goes():
             os.kill(pid, 0)
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_an_answer_that_is_an_error_keeps_no_child():
+    """A frame that holds the error it raises is held by it: children lived until garbage was looked for, up to 140."""
+
+    def make():
+        def refuse(_):
+            raise InputError("no")
+
+        return refuse
+
+    child = Apart(make, limits=Limits(5.0, 1 << 28), what="x")
+    with pytest.raises(InputError):
+        child.ask(1)
+    left = weakref.ref(child)
+    gc.disable()
+    try:
+        del child
+        assert left() is None
+    finally:
+        gc.enable()

@@ -102,7 +102,10 @@ class Apart:
                 raise
         if good:
             return answer
-        raise answer
+        try:
+            raise answer
+        finally:
+            del answer  # an error and the frame that holds it would keep the child until garbage is looked for
 
     def close(self) -> None:
         """End the child."""

@@ -67,6 +67,8 @@ def _tick(step: NDArray[np.float64]) -> float | None:
     if len(step) == 0:
         return None
     shortest = float(np.sort(step)[len(step) // 100])  # np.quantile would load numpy.ma
+    if float(step.max()) / max(shortest, np.finfo(float).tiny) > MOST_TICKS:
+        return None
     for part in PARTS:
         whole = step * part / shortest
         near = np.abs(whole - np.rint(whole)) < ON_TICK * np.maximum(1.0, np.rint(whole) * ON_TICK)
