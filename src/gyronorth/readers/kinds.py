@@ -82,7 +82,8 @@ def reject_kinds(layout: TextLayout, positions: Mapping[str, int], name: str) ->
         else:
             kinds = numbers(layout, column)
             each = np.unique(kinds[np.isfinite(kinds)])
-            kept = each.tolist() if (each != np.rint(each)).any() else each.astype(int).tolist()
+            whole = bool(((each == np.rint(each)) & (np.abs(each) < 2**53)).all())
+            kept = each.astype(int).tolist() if whole else each.tolist()
         if not 2 <= len(each) <= MOST_KINDS or (each != np.rint(each)).any() or _turns(kinds) < MANY_TURNS * len(kinds):
             continue
         groups = [rates[kinds == kind] for kind in each]
