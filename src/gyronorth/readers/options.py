@@ -11,7 +11,7 @@ import numpy as np
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
-from gyronorth.errors import InputError, did_you_mean
+from gyronorth.errors import InputError, did_you_mean, one_line
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
 from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ
@@ -241,7 +241,7 @@ def _position(ours: str, wanted: str | int, titles: list[str], width: int, name:
 
 def _listed(titles: list[str]) -> str:
     """Names for a message, the first ones of many, none longer than a line."""
-    shown = [title if len(title) <= 60 else title[:57] + "..." for title in titles[:LISTED]]
+    shown = [one_line(title if len(title) <= 60 else title[:57] + "...") for title in titles[:LISTED]]
     return ", ".join(shown) + (f" and {len(titles) - LISTED} more" if len(titles) > LISTED else "")
 
 
