@@ -90,15 +90,15 @@ def grave(page) -> list[tuple[str, list[str]]]:
 
 def colour(page, *, dark: bool) -> None:
     """Press D until it is: a page that lost its server for a moment is back in the colours of the device."""
-    from playwright.sync_api import TimeoutError as StillSo
+    from playwright.sync_api import Error
 
     wanted = f"document.body.classList.contains('body--dark') === {str(dark).lower()}"
     for _ in range(10):
-        if page.evaluate(wanted):
-            return
-        page.evaluate("document.activeElement.blur()")
-        page.keyboard.press("d")
-        with suppress(StillSo):
+        with suppress(Error):  # it is not so yet, or the page is just loaded anew
+            if page.evaluate(wanted):
+                return
+            page.evaluate("document.activeElement.blur()")
+            page.keyboard.press("d")
             page.wait_for_function(wanted, timeout=20_000)
     pytest.fail(f"the page does not become {'dark' if dark else 'light'}")
 

@@ -28,6 +28,8 @@ SHOWN_AFTER = 0.3
 KEYS = {"s": "start", "t": "stop", "m": "mark", "v": "save", "d": "light or dark"}
 #: The button of the officer: full screen, a screen that stays on, and the sound of the alarm. The script does it.
 WATCH = '<button type="button" data-watch aria-pressed="false" title="Full screen, screen on, sound">Watch</button>'
+#: How long the server waits for a browser, s; that nothing comes the page itself says after 3 s.
+RECONNECT_S = 30.0
 STYLE, SCRIPT = (Path(__file__).with_name(name) for name in ("page.css", "page.js"))
 
 
@@ -42,6 +44,8 @@ def attach(app: FastAPI, session: Session) -> None:
         favicon="🧭",
         tailwind=False,
         show_welcome_message=False,
+        # After less, behind a busy machine or a weak radio link, a browser goes on without loading the page anew.
+        reconnect_timeout=RECONNECT_S,
     )
 
 
