@@ -102,7 +102,7 @@ def test_page_is_filled_from_the_files(results, tmp_path):
     verdicts = [line.split(" | ")[3].rstrip(" |") for line in text.splitlines() if line.startswith("| it ")]
     assert verdicts == [
         "holds",
-        "undecided",
+        "cannot be told",
         "**does not hold**",
         "holds",
         "**does not hold**",

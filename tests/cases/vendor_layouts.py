@@ -73,7 +73,7 @@ VENDORS: list[Layout] = [
         ).encode(), FRD, asks=True),
     Layout("portuguese.csv", table(titles("Tempo (s)", "Velocidade angular {} (°/s)", "Aceleração {} (m/s²)"), SECONDS,
         DPS, ACCEL).encode(), FRD),
-    Layout("wit.txt", table(titles("时间", "角速度{}(°/s)", "加速度{}(g)").replace(",", "\t"), stamps(
+    Layout("witmotion.txt", table(titles("时间", "角速度{}(°/s)", "加速度{}(g)").replace(",", "\t"), stamps(
         lambda t: t.strftime("%Y-%m-%d %H:%M:%S.%f")), DPS, G, sep="\t").replace(",", "\t").encode(), FRD),
     Layout("device_number.csv", table(titles("Shimmer_9D1A_Timestamp_Unix_CAL", "Shimmer_9D1A_Gyro_{}_CAL",
         "Shimmer_9D1A_Accel_LN_{}_CAL") + "\nms,deg/s,deg/s,deg/s,m/(s^2),m/(s^2),m/(s^2)", whole(1e3, 17 * 10**11),

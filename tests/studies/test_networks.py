@@ -165,8 +165,9 @@ def test_a_training_that_diverged_is_a_word_not_a_number():
 
 
 @pytest.fixture
-def public(tmp_path):
-    """Four recordings in the published layout, in two folders as in the repository."""
+def public(tmp_path, monkeypatch):
+    """Four short recordings in the published layout, in two folders as in the repository."""
+    monkeypatch.setattr("gyronorth.studies.source.WINDOW", 10.0)
     for i, heading in enumerate((10.0, 120.0, 200.5, 300.0)):
         recording = simulate(
             "sdc500",
