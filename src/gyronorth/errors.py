@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from numbers import Real
 from typing import Any
 
@@ -29,11 +30,9 @@ def number(what: str, value: Any) -> float:
     10.0
     """
     single = value.item() if getattr(value, "ndim", None) == 0 else value
-    try:
-        if not isinstance(single, bool) and isinstance(single, Real):
+    if not isinstance(single, bool) and isinstance(single, Real):
+        with suppress(OverflowError):
             return float(single)
-    except OverflowError:
-        pass
     raise InputError(f"{what} is {value!r:.80}; a number is expected.")
 
 

@@ -1,8 +1,11 @@
-"""The prior of the turn-on bias without a profile: intervals hold at every size of the bias."""
+"""Priors: that of the turn-on bias without a profile holds at every size; the theory page states those of the law."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gyronorth.alignment.posterior import force, law, tones
 from gyronorth.alignment.posterior.model import scales_of
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
@@ -34,3 +37,20 @@ def test_without_a_profile_no_size_of_the_bias_is_missed_often(bias_deg_h):
     half = angle[np.argmax(held >= 0.95, axis=1)]
     sharp = half < np.pi / 2
     assert np.mean(np.abs(heading[sharp]) > half[sharp]) < 0.135
+
+
+def test_the_theory_page_states_the_priors_of_the_law():
+    page = (Path(__file__).parents[3] / "docs/theory/disturbance.md").read_text(encoding="utf-8")
+    rows = {line.split("|")[1].strip(): line for line in page.splitlines() if line.startswith("|")}
+    none, one, two = tones.TONES
+    for row, said in {
+        "settling bias": f"| {law.SETTLING:g}, of which {law.SETTLING_SIZE_PRIOR[2]:g} at 10 times;",
+        "tilt that settles in any time": f"| {law.CREEP:g}, beside an accelerometer |",
+        "sway, broadband (Ornstein-Uhlenbeck)": f"| {law.SWAY:g}; {law.SWAY_UNSEEN:g} without |",
+        "drift of the accelerometer": f"| {force.FORCE:g}, beside no motion |",
+        "bias random walk": f"| {law.WALK:g} |",
+        "yaw of the platform, broadband or settling in any time": f"| {law.YAW:g} |",
+        "tones, bumps": f"| weights {none:g}, {one:g}, {two:g} of none, one and two tones, beside an accelerometer "
+        f"{tones.LINED[4]:g} of four; {tones.BUMP:g} bumps in 100 s |",
+    }.items():
+        assert said in rows[row], row

@@ -134,8 +134,8 @@ def explaining(blocks: Blocks, index: int, sensor: Sensor, *, known: bool) -> Se
         lines = strongest(fine, rate_hz=rate_hz) if sways else []
         chance = float(np.log(BUMP * blocks.duration / 100 / COUNT))
         for noise in kept:
-            for number, probability in LINED.items() if sways else ():
-                more = float(np.log(probability / TONES[0]))
+            for number, weight in LINED.items() if sways else ():
+                more = float(np.log(weight / TONES[0]))
                 found.append(weighed(noise, more, tones=tuple(lines[:number])))
             for hit in bumped_blocks(fine):
                 found.append(weighed(noise, len(hit) * chance, bumped=hit))
@@ -250,10 +250,8 @@ def _axes(axis: Axis, seen: Array, under: Law, added: Array, *, tilting: float =
     shapes, (e, d, axes), r = under.shapes, seen.shape, added.shape[2]
     white = axis.whiten.reshape(-1, d) @ np.concatenate([_padded(added, d), seen], axis=2)
     white = white.reshape(e, -1, d, r + axes)
-    with_known, own = (
-        axis.known @ white,
-        np.swapaxes(white, 2, 3) @ white,
-    )  # (e, b, 1 + c + m, r + a), (e, b, r + a, r + a)
+    with_known = axis.known @ white  # (e, b, 1 + c + m, r + a)
+    own = np.swapaxes(white, 2, 3) @ white  # (e, b, r + a, r + a)
     columns = slice(1, 1 + axis.cross.shape[1])
     # Without a walk, then with each: what is left of the products, (w, e, b, ...).
     scale = np.concatenate([[0.0], shapes.size[shapes.walks] ** 2])

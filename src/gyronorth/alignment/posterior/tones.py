@@ -21,9 +21,9 @@ from gyronorth.arrays import Array, Mask
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
-#: Probability of no, one and two tones, and of a bump in 100 s.
+#: Prior weights of no, one and two tones, and the probability of a bump in 100 s.
 TONES, BUMP = (0.66, 0.16, 0.18), 0.1
-#: Lines that are looked for beside an accelerometer, and the probability of so many of them.
+#: Lines that are looked for beside an accelerometer, and the prior weights of so many, beside `TONES[0]` of none.
 LINES, LINED = 4, {1: 0.16, 2: 0.18, 4: 0.1}
 #: Steps of their frequencies.
 REFINED = 3
