@@ -25,6 +25,8 @@ REPEATED = 0.1
 CARRIED = 0.75
 #: Steps below which a rate is rounded by its number format alone, rad/s.
 LEAST = 1e-15
+#: Share of gravity from which an axis shows no tilt.
+UPRIGHT = 0.9
 #: Terms of the series.
 TERMS = 20
 
@@ -41,14 +43,26 @@ def rounding_bias(gyro_b: Array) -> float:
     return max((_of_axis(x[:, k], change[:, k]) for k in range(3)), default=0.0)
 
 
-def rounding_variance(gyro_b: Array) -> Array:
-    """Square of `rounding_bias` of each of the recordings (..., n, 3), (rad/s)^2, shape (...)."""
-    first = gyro_b[..., :SAMPLES, :]
+def rounding_variance(vector_b: Array) -> Array:
+    """Square of `rounding_bias` of each of the recordings (..., n, 3), in the square of their unit, shape (...)."""
+    first = vector_b[..., :SAMPLES, :]
     repeated = np.mean(first[..., 1:, :] == first[..., :-1, :], axis=-2) if first.shape[-2] > 1 else np.zeros(3)
-    found = np.zeros(gyro_b.shape[:-2])
+    found = np.zeros(vector_b.shape[:-2])
     for index in np.argwhere(np.any(repeated >= REPEATED, axis=-1) & np.ones(found.shape, dtype=bool)):
         found[tuple(index)] = rounding_bias(first[tuple(index)]) ** 2
     return found
+
+
+def rounding_of_tilt(accel_b: Array) -> Array:
+    """Root mean square error of the tilt by rounding of the specific force (..., n, 3), rad, shape (...).
+
+    Infinite where an axis that gravity does not fill never changes: its step may be of any size.
+    """
+    first = accel_b[..., :SAMPLES, :]
+    mean = first.mean(axis=-2)
+    gravity: Array = np.maximum(np.linalg.norm(mean, axis=-1), np.finfo(float).tiny)
+    still = np.all(first == first[..., :1, :], axis=-2) & (np.abs(mean) < UPRIGHT * gravity[..., None])
+    return np.where(np.any(still, axis=-1), np.inf, np.sqrt(rounding_variance(accel_b)) / gravity)
 
 
 def _of_axis(x: Array, change: Array) -> float:

@@ -204,6 +204,31 @@ def test_a_tilt_that_settles_in_any_time_is_no_drift_of_the_accelerometer():
 
 
 @pytest.mark.slow
+def test_an_accelerometer_that_is_quieter_than_its_profile_is_believed():
+    """In wind the interval is that of the profile that fits; believing the profile's noise would double it."""
+    sensor, runs = read_sensor("isa100c"), 12
+    loud = replace(sensor.accel, white=10 * sensor.accel.white, flicker=10 * sensor.accel.flicker)
+    recorded = simulated(sensor, runs, moves=lambda draw: draw.wind(np.radians(0.01)))
+    told, _, _ = judged(replace(sensor, accel=loud), *recorded)
+    fitting, _, _ = judged(sensor, *recorded)
+    assert np.median([t.density.sigma / f.density.sigma for t, f in zip(told, fitting, strict=True)]) < 1.1
+
+
+def test_a_specific_force_that_is_rounded_beyond_its_noise_shows_no_slow_tilt():
+    """It stays on one step while the unit tilts: 1.1 deg/h of gyro rate that would pass for Earth rate."""
+    sensor, runs = read_sensor("hg9900"), 4
+    gyro_b, accel_b, _ = simulated(sensor, runs, moves=lambda draw: draw.lean(np.radians(0.03) / 100))
+    known = {"rate_hz": RATE_HZ, "latitude": LATITUDE, "sensor": sensor}
+    fine, rounded, blind = (
+        posterior(gyro_b, force, **known) for force in (accel_b, np.round(accel_b / 0.1) * 0.1, None)
+    )
+    assert all(one.sees_tilt for one in fine)
+    for found, none in zip(rounded, blind, strict=True):
+        assert not found.sees_tilt
+        assert found.density.sigma == pytest.approx(none.density.sigma, rel=0.05)
+
+
+@pytest.mark.slow
 def test_a_platform_that_turns_ever_more_slowly_is_no_settling_bias():
     """All 12 were refused: the turn about the vertical was taken for a bias of all axes."""
     sensor, runs, angle = read_sensor("isa100c"), 12, np.radians(0.3)

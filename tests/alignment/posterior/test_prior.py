@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gyronorth.alignment.posterior import force, law, tones
+from gyronorth.alignment.posterior import explain, force, law, tones
 from gyronorth.alignment.posterior.model import scales_of
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import EARTH_RATE
@@ -43,7 +43,9 @@ def test_the_theory_page_states_the_priors_of_the_law():
     page = (Path(__file__).parents[3] / "docs/theory/disturbance.md").read_text(encoding="utf-8")
     rows = {line.split("|")[1].strip(): line for line in page.splitlines() if line.startswith("|")}
     none, one, two = tones.TONES
+    near, far = explain.FORCE_LAGS.values()
     for row, said in {
+        "noise and in-run drift of the accelerometer over the profile": f"({near:g} and {far:g} of the expected square",
         "settling bias": f"| {law.SETTLING:g}, of which {law.SETTLING_SIZE_PRIOR[2]:g} at 10 times;",
         "tilt that settles in any time": f"| {law.CREEP:g}, beside an accelerometer |",
         "sway, broadband (Ornstein-Uhlenbeck)": f"| {law.SWAY:g}; {law.SWAY_UNSEEN:g} without |",

@@ -142,7 +142,7 @@ def _result(problem: Problem, found: Inferred) -> Result:
         rate_l = found.mean_l
         believed = claimed["noise"] + claimed["drift"] + (MOST_SCALE * sensor.gyro.turn_on_bias) ** 2
         upright = believed
-    if problem.accel_b is not None:
+    if found.sees_tilt:
         limit = EXPLAINED_TURN
     else:
         limit = np.clip(2 * density.sigma, MOTION_ALLOWANCE, np.sqrt(MOTION_ALLOWANCE_MOST))

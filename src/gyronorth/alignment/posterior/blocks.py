@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gyronorth.alignment.rounding import rounding_of_tilt
 from gyronorth.arrays import Array, Index, Mask, mean_of_rows
 from gyronorth.attitude import level, mat_lb
 from gyronorth.conditioning import block_means, decimate
@@ -36,6 +37,7 @@ class Blocks:
     roll: Array  # (r,) rad
     pitch: Array  # (r,) rad
     gravity: Array  # (r,) size of the mean specific force, m/s^2; NaN without accelerometer
+    rounding: Array  # (r,) error of the tilt by rounding of the specific force, rad; infinite without accelerometer
 
     @property
     def duration(self) -> float:
@@ -79,10 +81,11 @@ def blocks_of(
     rate, step = (block_means(gyro_b, small) if small > 1 else gyro_b) @ turn, small / rate_hz
     white = density_at_short_lags(rate, step=step)
     rate, turned = _without_turn(rate, step)
-    trace, gravity = None, np.full(r, np.nan)
+    trace, gravity, rounding = None, np.full(r, np.nan), np.full(r, np.inf)
     if accel_b is not None:
         force = (block_means(accel_b, small) if small > 1 else accel_b) @ turn
         gravity = np.linalg.norm(mean_of_rows(force), axis=-1)
+        rounding = rounding_of_tilt(accel_b)
         tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity[:, None, None]
         tilt = _turned(tilt - mean_of_rows(tilt)[:, None], *turned)
         if attitude is None:
@@ -94,7 +97,7 @@ def blocks_of(
     parts = max(1, min(int(whole * step * FINE_RATE), FINE_SAMPLES // COUNT, whole))
     covered = rate[:, : whole * COUNT]
     fine = decimate(covered, rate_hz=1 / step, to_hz=parts / (whole * step)) if parts < whole else covered
-    return Blocks(means, trace, whole * step, fine, white, roll, pitch, gravity)
+    return Blocks(means, trace, whole * step, fine, white, roll, pitch, gravity, rounding)
 
 
 def _without_turn(rate: Array, step: float) -> tuple[Array, tuple[Array, Array]]:

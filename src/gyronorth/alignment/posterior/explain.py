@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gyronorth.alignment.posterior.blocks import COUNT, Blocks
+from gyronorth.alignment.posterior.force import force_difference
 from gyronorth.alignment.posterior.law import Axis, Law, fitted_law, law, law_of
 from gyronorth.alignment.posterior.tones import (
     BUMP,
@@ -30,8 +31,10 @@ from gyronorth.conditioning import block_means
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.sensor import Sensor, TriadErrors
 
-#: Lags, in blocks, at which the accelerometer's noise is read.
-FORCE_LAGS = (1, 3)
+#: Lags, in blocks, at which the accelerometer's noise is read, and the share of what the profiles say of a difference's
+#: square below which it is quieter: one in a hundred at most is so by chance. The least scale that is tried.
+FORCE_LAGS = {1: 0.35, 3: 0.2}
+QUIETEST = 0.1
 #: Rate about the vertical of a unit that tilts, over that about the horizontal axes.
 TWIST = 0.1
 #: Explanations less likely than the best by this, in the logarithm, are left out.
@@ -83,9 +86,7 @@ def explaining(blocks: Blocks, index: int, sensor: Sensor, *, known: bool) -> Se
 
     `sensor` is the profile (`known`), or stands for one.
     """
-    rate, trace, fine = blocks.rate_l[index], None, blocks.fine_l[index]
-    if blocks.trace is not None:
-        trace = blocks.trace[index]
+    rate, trace, fine = blocks.rate_l[index], seen_trace(blocks, index, sensor), blocks.fine_l[index]
     rate_hz = blocks.fine_l.shape[1] / blocks.duration
 
     def weighed(noise: Noise, more: float, **options: Any) -> Weighed:
@@ -166,6 +167,16 @@ def _best(found: list[Weighed], settings: list[Noise]) -> list[tuple[Weighed, No
     return [(found[i], settings[i]) for i in sorted(order)]
 
 
+def seen_trace(blocks: Blocks, index: int, sensor: Sensor) -> Array | None:
+    """The integrated rate less the tilt, (COUNT, 2) rad, of an accelerometer that shows a slow tilt.
+
+    One that is rounded beyond its noise shows none below its step: what is slower is judged by the gyro alone.
+    """
+    if blocks.trace is None or blocks.rounding[index] ** 2 > force_difference(sensor.accel, blocks.seconds, 1):
+        return None
+    return blocks.trace[index]
+
+
 def measured_white(blocks: Blocks, index: int) -> float:
     """Noise density at short lags, rad/sqrt(s), or what is free of motion shows, if less."""
     measured = float(blocks.white[index])
@@ -207,21 +218,31 @@ def white_scales(measured: float, profile: float, *, known: bool) -> tuple[Array
 
 
 def _accels(sensor: Sensor, trace: Array, seconds: float) -> list[TriadErrors]:
-    """The accelerometer's errors with white noise as the integrated rate less the tilt shows it, if more, by lag.
+    """The accelerometer's errors as the integrated rate less the tilt shows them, by lag: louder or quieter.
 
     Second differences of means over k blocks are, of white noise, 6 / k of its variance in a block, of the integrated
-    gyro noise k. Swaying at periods of a few blocks raises the shortest lag only.
+    gyro noise k. Swaying at periods of a few blocks raises the shortest lag only. What is more is white noise, what is
+    far less than all that the profiles say an accelerometer better than its own in noise and in-run drift.
     """
-    white = max(sensor.accel.white, 1e-12)
+    accel, white = sensor.accel, max(sensor.accel.white, 1e-12)
     found: dict[float, TriadErrors] = {}
-    for k in FORCE_LAGS:
+    for k, quiet in FORCE_LAGS.items():
         seen = float(np.mean(np.diff(block_means(trace, k), n=2, axis=0) ** 2))
-        left = k * (seen - k * sensor.gyro.white**2 * seconds) / 6
-        if left < 2.2 * (white / STANDARD_GRAVITY) ** 2 / seconds:
-            factor = sensor.accel.white / white
-        else:
+        gyro, force = k * sensor.gyro.white**2 * seconds, force_difference(accel, seconds, k)
+        left = k * (seen - gyro) / 6
+        if left >= 2.2 * (white / STANDARD_GRAVITY) ** 2 / seconds:
             factor = 2 ** (round(2 * np.log2(np.sqrt(left * seconds) * STANDARD_GRAVITY / white)) / 2)
-        found[factor] = replace(sensor.accel, white=factor * white)
+            found[factor] = replace(accel, white=factor * white)
+        elif seen < quiet * (gyro + force):
+            factor = 2 ** (round(2 * np.log2(max(np.sqrt(max(seen - gyro, 0.0) / force), QUIETEST))) / 2)
+            found[factor] = replace(
+                accel,
+                white=factor * accel.white,
+                flicker=factor * accel.flicker,
+                random_walk=factor * accel.random_walk,
+            )
+        else:
+            found[1.0] = accel
     return list(found.values())
 
 

@@ -27,6 +27,14 @@ def force_noise(accel: TriadErrors, seconds: float) -> Array:
     return NoiseLaw(level).mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2
 
 
+@lru_cache(maxsize=64)
+def force_difference(accel: TriadErrors, seconds: float, blocks: int) -> float:
+    """Mean square of the second difference of that tilt over means of so many blocks, rad^2."""
+    means: Array = np.asarray(np.kron(np.eye(COUNT // blocks), np.full(blocks, 1 / blocks)), dtype=float)
+    difference: Array = np.asarray(np.diff(means, n=2, axis=0), dtype=float)
+    return float(np.trace(difference @ force_noise(accel, seconds) @ difference.T)) / len(difference)
+
+
 @lru_cache(maxsize=8)
 def forces_of(accel: TriadErrors) -> tuple[Array, Array]:
     """Sizes at the end, rad, and covariances of block means of what an accelerometer may drift, the first nothing."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyronorth.alignment.posterior.blocks import Blocks, blocks_of
 from gyronorth.alignment.posterior.density import Density, log_i0e, mixture
-from gyronorth.alignment.posterior.explain import FAR, Weighed, explaining, measured_white
+from gyronorth.alignment.posterior.explain import FAR, Weighed, explaining, measured_white, seen_trace
 from gyronorth.alignment.posterior.law import DRIFT_PRIOR, DRIFTS, unit_bias
 from gyronorth.alignment.posterior.tones import periodograms
 from gyronorth.alignment.tones.side_by_side import TOGETHER, ProposeMany, Search, searched
@@ -57,6 +57,7 @@ class Inferred:
     mean_l: Array  # (3,) plain mean of the rate in the level frame at the end, rad/s
     roll: float
     pitch: float
+    sees_tilt: bool  # whether there is an accelerometer that shows a slow tilt
 
 
 def posterior(
@@ -238,6 +239,7 @@ def _conclude(
         mean_l=blocks.rate_l[index].mean(axis=0),
         roll=float(blocks.roll[index]),
         pitch=float(blocks.pitch[index]),
+        sees_tilt=seen_trace(blocks, index, sensor) is not None,
     )
 
 
