@@ -32,8 +32,9 @@ fast: .venv/.all
 	$(PYTEST) -m "not slow"
 
 # Statistics of many runs, soaks and trainings: before every release, and by whoever touches what they judge.
+# Its results go to the page on testing, also those of a part (`make long TESTS=tests/readers`).
 long: .venv/.all
-	$(PYTEST) -m long
+	$(PYTEST) -m long --junitxml out/long.xml $(TESTS); code=$$?; $(BIN)/python docs/long_runs.py out/long.xml; exit $$code
 
 # Chromium from Debian, for the tests of the live page; without it they are skipped, but fail in CI.
 browser:

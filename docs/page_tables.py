@@ -1,7 +1,8 @@
 """A hook of the documentation: tables that come from elsewhere when the pages are built.
 
 `<!-- from README: NAME -->` stands for what lies between the marks of NAME in README.md,
-`<!-- tests -->` for a table of the test files, counted in their source, and `<!-- changes -->` for CHANGELOG.md.
+`<!-- tests -->` for a table of the test files, counted in their source, `<!-- long -->` for the last results of
+`make long`, and `<!-- changes -->` for CHANGELOG.md.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+
+from long_runs import table as long
 
 ROOT = Path(__file__).parents[1]
 #: Packages whose results ours are held against -> what for.
@@ -29,7 +32,7 @@ ORACLES = {
 def on_page_markdown(markdown: str, **_: object) -> str:
     """Put the tables into a page."""
     markdown = re.sub(r"<!-- from README: (\w+) -->", lambda found: of_readme(found[1]), markdown)
-    for name, table in (("tests", tests), ("oracles", oracles), ("changes", changes)):
+    for name, table in (("tests", tests), ("oracles", oracles), ("changes", changes), ("long", long)):
         if f"<!-- {name} -->" in markdown:
             markdown = markdown.replace(f"<!-- {name} -->", table())
     return markdown
