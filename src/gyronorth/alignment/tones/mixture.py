@@ -1,4 +1,7 @@
-"""The heading of many models, each a von Mises law with its weight."""
+"""The heading of many models, each a von Mises law with its weight: summed on a grid, for `bayes`.
+
+`posterior.density` gathers the laws of thousands of hypotheses in bins; `bayes`, its yardstick, shares nothing with it.
+"""
 
 from __future__ import annotations
 
