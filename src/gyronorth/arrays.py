@@ -56,10 +56,10 @@ def median(x: Array, axis: int | None = None) -> Array:
     count = x.shape[-1]
     if count == 0:
         return np.full(x.shape[:-1], np.nan)
-    below, above = (count - 1) // 2, count // 2
-    ordered = np.partition(x, (below, above, count - 1), axis=-1)  # a NaN comes last
-    middle = (ordered[..., below] + ordered[..., above]) / 2 if below != above else ordered[..., below]
-    return np.asarray(np.where(np.isnan(ordered[..., -1]), np.nan, middle))
+    half = count // 2
+    parted = np.partition(x, half, axis=-1)  # at one place, which takes half the time of two; a NaN comes last
+    middle = parted[..., half] if count % 2 else (parted[..., :half].max(axis=-1) + parted[..., half]) / 2
+    return np.asarray(np.where(np.isnan(parted[..., half:].max(axis=-1)), np.nan, middle))
 
 
 def robust_noise(x: Array, axis: int | None = None, *, order: int = 1) -> Array:

@@ -95,8 +95,8 @@ def test_noise_that_is_added_is_noise_of_the_rate():
     added[1, :, 2] = 0.0
     log_h, info_h, rate_h, *_ = weigh(known, rate, None, added)
     base = int(np.flatnonzero((known.drift == 2) & (known.sway == 0))[0])
-    whiten, shapes = known.horizontal.whiten[base], known.shapes
-    own, modes = np.linalg.inv(whiten.T @ whiten), np.arange(WALK_MODES) + 0.5
+    root, shapes = known.horizontal.root[base], known.shapes
+    own, modes = np.linalg.inv(root.T @ root), np.arange(WALK_MODES) + 0.5
     time = (np.arange(COUNT) + 0.5) / COUNT
     walk = np.sqrt(2) * np.sin(np.pi * modes * time[:, None]) / (np.pi * modes) * known.bias
     values = []

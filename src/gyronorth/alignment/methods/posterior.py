@@ -74,8 +74,8 @@ class PosteriorMethod:
             first = problems[numbers[0]]
             forces = [force for n in numbers if (force := problems[n].accel_b) is not None]
             inferred = posterior(
-                np.stack([problems[n].gyro_b for n in numbers]),
-                np.stack(forces) if forces else None,
+                _together([problems[n].gyro_b for n in numbers]),
+                _together(forces) if forces else None,
                 rate_hz=first.rate_hz,
                 latitude=first.latitude,
                 sensor=sensor,
@@ -87,6 +87,11 @@ class PosteriorMethod:
                 result = _result(problem, one)
                 found[number] = replace(result, findings=(*result.findings, *coarse))
         return [found[number] for number in range(len(problems))]
+
+
+def _together(parts: list[Array]) -> Array:
+    """Samples (n, 3) of each recording as (r, n, 3); one alone, which may be long, is not copied."""
+    return parts[0][None] if len(parts) == 1 else np.stack(parts)
 
 
 def _unfit(problem: Problem) -> str | None:

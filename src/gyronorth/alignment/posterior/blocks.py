@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gyronorth.alignment.rounding import rounding_of_tilt
-from gyronorth.arrays import Array, Index, Mask, mean_of_rows
+from gyronorth.arrays import Array, Index, Mask, mean_of_rows, median
 from gyronorth.attitude import level, mat_lb
 from gyronorth.conditioning import block_means, decimate
 
@@ -108,7 +108,7 @@ def _without_turn(rate: Array, step: float) -> tuple[Array, tuple[Array, Array]]
     a step is no noise of the rate.
     """
     whole = max(rate.shape[1] // COUNT, 1)
-    steady = np.median(block_means(rate[..., 2:], whole), axis=1)
+    steady = median(block_means(rate[..., 2:], whole), axis=1)
     turn = (rate[..., 2] - steady) * step
     yaw = np.cumsum(turn, axis=1) - turn / 2  # in the middle of each sample
     size = max(rate.shape[1] // YAW_BLOCKS, 1)
@@ -116,11 +116,11 @@ def _without_turn(rate: Array, step: float) -> tuple[Array, tuple[Array, Array]]
     yaw = yaw - last[:, None]
     sample: Index = np.asarray(np.arange(rate.shape[1]), dtype=int)
     start: Index = np.asarray(size * first[:, None], dtype=int)
-    upright = rate[..., 2].copy()
+    turned, out = (np.cos(yaw), np.sin(yaw)), rate.copy()
+    out[..., :2] = _turned(rate[..., :2], *turned)
     nudged: Mask = np.asarray((sample >= start) & (sample < start + 2 * size), dtype=bool)
-    np.copyto(upright, steady, where=nudged)
-    turned = np.cos(yaw), np.sin(yaw)
-    return np.concatenate([_turned(rate[..., :2], *turned), upright[..., None]], axis=-1), turned
+    np.copyto(out[..., 2], steady, where=nudged)
+    return out, turned
 
 
 def _last_yaw(yaw: Array) -> tuple[Array, Index]:
@@ -147,8 +147,10 @@ def _last_yaw(yaw: Array) -> tuple[Array, Index]:
 
 def _turned(vector: Array, cosine: Array, sine: Array) -> Array:
     """Horizontal vectors (r, n, 2) of a frame turned clockwise by a yaw, seen before the turn."""
-    x, y = vector[..., 0], vector[..., 1]
-    return np.stack([x * cosine - y * sine, y * cosine + x * sine], axis=-1)
+    x, y, out = vector[..., 0], vector[..., 1], np.empty_like(vector)
+    out[..., 0] = x * cosine - y * sine
+    out[..., 1] = y * cosine + x * sine
+    return out
 
 
 def _linear(rate: Array, tilt: Array) -> Array:
@@ -169,13 +171,12 @@ def density_at_short_lags(rate: Array, *, step: float, longest: float = 1.0) -> 
     `arrays.robust_noise`, that of the mean of the record `conditioning.noise_density`.
     """
     found: list[Array] = []
-    size = 1
+    size, means = 1, rate
     while size == 1 or (size * step <= longest and rate.shape[1] // size >= 60):
-        means = block_means(rate, size) if size > 1 else rate
         some = slice(None, None, -(-means.shape[1] // DIFFERENCES))
         second = means[:, 2:][:, some] - 2 * means[:, 1:-1][:, some] + means[:, :-2][:, some]
         # Of three axes: a robust scale, since bumps and knocks stand out.
-        middle = np.median(np.abs(second), axis=(1, 2)) / 0.6745 / np.sqrt(6)
+        middle = median(np.abs(second).reshape(len(second), -1), axis=1) / 0.6745 / np.sqrt(6)
         found.append(middle * np.sqrt(size * step))
-        size *= 2
+        size, means = 2 * size, block_means(means, 2)
     return np.maximum(np.min(found, axis=0), 1e-15)

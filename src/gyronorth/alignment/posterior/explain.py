@@ -133,12 +133,12 @@ def explaining(blocks: Blocks, index: int, sensor: Sensor, *, known: bool) -> Se
         found = [weighed(noise, 0.0) for noise in settings]
         kept = [noise for _, noise in _best(found, settings)]
         lines = strongest(fine, rate_hz=rate_hz) if sways else []
-        chance = float(np.log(BUMP * blocks.duration / 100 / COUNT))
+        bumps, chance = bumped_blocks(fine), float(np.log(BUMP * blocks.duration / 100 / COUNT))
         for noise in kept:
             for number, weight in LINED.items() if sways else ():
                 more = float(np.log(weight / TONES[0]))
                 found.append(weighed(noise, more, tones=tuple(lines[:number])))
-            for hit in bumped_blocks(fine):
+            for hit in bumps:
                 found.append(weighed(noise, len(hit) * chance, bumped=hit))
     ceiling = max(one.worth for one in found)
     return [one for one in found if one.worth > ceiling - FAR]
@@ -269,8 +269,7 @@ def _axes(axis: Axis, seen: Array, under: Law, added: Array, *, tilting: float =
     (I + F F')^-1 = I - F (I + F'F)^-1 F' once whitened, then what is a shape of rank one, and the constant.
     """
     shapes, (e, d, axes), r = under.shapes, seen.shape, added.shape[2]
-    white = axis.whiten.reshape(-1, d) @ np.concatenate([_padded(added, d), seen], axis=2)
-    white = white.reshape(e, -1, d, r + axes)
+    white = axis.whitened(np.concatenate([_padded(added, d), seen], axis=2))
     with_known = axis.known @ white  # (e, b, 1 + c + m, r + a)
     own = np.swapaxes(white, 2, 3) @ white  # (e, b, r + a, r + a)
     columns = slice(1, 1 + axis.cross.shape[1])

@@ -17,7 +17,7 @@ from gyronorth.alignment.posterior.blocks import COUNT
 from gyronorth.alignment.tones.proposals import exploring
 from gyronorth.alignment.tones.search import TONE_RATE, white_of
 from gyronorth.alignment.tones.side_by_side import Proposing, Search
-from gyronorth.arrays import Array, Mask
+from gyronorth.arrays import Array, Mask, median
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
@@ -55,13 +55,13 @@ class Cleaned:
 def shows_tones(fine_l: Array, *, rate_hz: float, errors: TriadErrors) -> bool:
     """Whether one recording (n, 3) may hold a tone or a bump: a line or a sample that stands out of noise and drift."""
     white = white_of(fine_l)
-    off = fine_l - np.median(fine_l, axis=0)
+    off = fine_l - median(fine_l, axis=0)
     # Tapered, so that a trend does not leak into the lines.
     taper = np.hanning(len(off))[:, None]
     power = np.sum(np.abs(np.fft.rfft(taper * off, axis=0)[2:]) ** 2, axis=1) / (np.sum(taper**2) * white**2)
     power /= _drift_over_white(len(off), rate_hz, replace(errors, white=white / np.sqrt(rate_hz)))[2:]
     # Of white noise the power is Gamma(3), a sample's square chi-square with 3 degrees of freedom.
-    spread = max(white, 1.4826 * float(np.median(np.abs(off))))
+    spread = max(white, 1.4826 * float(median(np.abs(off))))
     return bool(power.max() > LINE + 1.3 * np.log(len(power)) or np.sum(off**2, axis=1).max() > SAMPLE * spread**2)
 
 
@@ -81,13 +81,19 @@ def by_periodogram(
     """
     n = len(rate)
     off = rate - rate.mean(axis=0)
-    beside = np.median(np.stack([np.roll(off, shift, axis=0) for shift in range(-6, 7)]), axis=0)
+    beside = _neighbours(off)
     odds = np.sum((off - beside) ** 2, axis=1) - BUMP_SQUARE
     quiet = np.where(odds[:, None] > 0, beside, off)
     phase, tapered = 2 * np.pi * np.outer(cycles, np.arange(n)), quiet * np.hanning(n)[:, None]
     power = np.asarray(np.sum((np.cos(phase) @ tapered) ** 2 + (np.sin(phase) @ tapered) ** 2, axis=1), dtype=float)
     peak = np.r_[True, power[1:] > power[:-1]] & np.r_[power[:-1] >= power[1:], True]
     return odds, np.where(peak, power, 1e-6 * power)
+
+
+def _neighbours(x: Array) -> Array:
+    """Median of each of the samples (n, k) and the six on each side of it; the last one is beside the first."""
+    wide = np.concatenate([x[-6:], x, x[:6]])
+    return np.asarray(np.partition(np.lib.stride_tricks.sliding_window_view(wide, 13, axis=0), 6, axis=-1)[..., 6])
 
 
 def periodograms(asked: Sequence[Proposing]) -> list[tuple[Array, Array]]:
@@ -101,10 +107,10 @@ def bumped_blocks(fine_l: Array) -> list[tuple[int, ...]]:
     None where there are too many: that is motion, of which the accelerometer sees all.
     """
     off = fine_l / white_of(fine_l)
-    beside = np.median(np.stack([np.roll(off, shift, axis=0) for shift in range(-6, 7)]), axis=0)
+    beside = _neighbours(off)
     square = np.sum((off - beside) ** 2, axis=1)
     # What sways all along is no bump: 2.366 is the median of chi-square with 3 degrees of freedom.
-    square = square / max(1.0, float(np.median(square)) / 2.366)
+    square = square / max(1.0, float(median(square)) / 2.366)
     wide = np.maximum(square, np.maximum(np.roll(square, 1), np.roll(square, -1)))
     worst = wide.reshape(COUNT, -1).max(axis=1)
     order = [int(block) for block in np.argsort(-worst) if worst[block] > BUMP_SQUARE]

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from gyronorth.alignment.tones.mixture import mixture
 from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion, unexplained
 from gyronorth.angles import DEG_PER_HOUR
-from gyronorth.arrays import Array, Index, robust_noise
+from gyronorth.arrays import Array, Index, median, robust_noise
 from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
 from gyronorth.sensor import TriadErrors
@@ -294,7 +294,7 @@ def _first_mask(gyro_l: Array) -> NDArray[np.bool_]:
 
     smooth = median_filter(gyro_l, size=(min(21, len(gyro_l)), 1), mode="nearest")
     off: Array = gyro_l - np.asarray(smooth, dtype=float)
-    scatter = 1.4826 * np.median(np.abs(off), axis=0)
+    scatter = 1.4826 * median(np.abs(off), axis=0)
     return _grown(np.any(np.abs(off) > 6 * np.maximum(scatter, 1e-300), axis=1))
 
 
@@ -325,7 +325,7 @@ def _bumped(grid: _Grid, gyro_l: Array, masked: NDArray[np.bool_], models: _Mode
 
 def _excess(square: Array) -> float:
     """Variance of the residual over the law, from its median (2.366 for chi-square with 3 degrees); at least 1."""
-    return max(1.0, float(np.median(square)) / 2.366)
+    return max(1.0, float(median(square)) / 2.366)
 
 
 def _conclude(

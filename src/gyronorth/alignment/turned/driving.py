@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gyronorth.arrays import Array, robust_noise
+from gyronorth.arrays import Array, median, robust_noise
 from gyronorth.conditioning import block_means
 
 #: The accelerometer is looked at in means over this time, s: a vehicle rocks within it, and speeds up for longer.
@@ -37,7 +37,7 @@ def _parts(accel_b: Array, stretch: tuple[int, int], size: int, rate_hz: float) 
     mean = block_means(accel_b[first:last], size)
     if len(mean) < 3:
         return [stretch]
-    usual = np.median(mean, axis=0)
+    usual = median(mean, axis=0)
     off = mean - usual
     scatter = float(robust_noise(mean))
     speeding = (np.abs(off) > max(SPEEDING, SCATTERS * scatter)).any(axis=1)
