@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from frames.encoders import CASES, Case
+from frames.encoders import CASES, Case, anpp_frame
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -82,6 +82,19 @@ def test_noise_between_frames_adds_and_takes_nothing(name):
     assert report.skipped == noise
     if case.knows_lost != "bytes":
         assert report.lost == 0
+
+
+@pytest.mark.parametrize("period", [1, 5])
+def test_a_damaged_message_without_samples_is_no_lost_sample(period):
+    case = made("anpp")  # it sends neither a counter nor a time
+    state = anpp_frame(20, bytes(range(100)))
+    damaged = state[:40] + bytes((state[40] ^ 1,)) + state[41:]
+    frames = [frame + (state if i % period == 0 else b"") for i, frame in enumerate(case.frames)]
+    frames[200] = case.frames[200] + damaged
+    frames[300] = frames[300][:20] + bytes((frames[300][20] ^ 1,)) + frames[300][21 : -len(state)] + damaged
+    samples, report = decode(b"".join(frames), case.protocol, case.options)
+    assert np.array_equal(samples.number, np.delete(np.arange(N), 300))
+    assert report.lost == 1
 
 
 @CASE

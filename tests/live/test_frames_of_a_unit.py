@@ -69,6 +69,22 @@ def test_a_damaged_stream_gives_the_heading_of_its_capture(name, monkeypatch, tm
     }
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["anpp", "hg4930"])
+def test_losses_that_only_the_bytes_show_hide_no_rate(name, monkeypatch, tmp_path):
+    case, options = unit(name, monkeypatch)
+    rng = np.random.default_rng(3)
+    frames = [frame if rng.random() > 0.02 else frame[:20] + rng.bytes(rng.integers(5, 200)) for frame in case.frames]
+    data = b"".join(frames)
+    session = session_of(*pieces(data), reading=options, save=tmp_path / "rec.csv", method="mean")
+    assert session.error is None
+    assert session.status.measured is not None
+    for path in (tmp_path / "rec.bin", tmp_path / "rec.csv"):
+        read = gn.read(path, options if path.suffix == ".bin" else None)
+        assert read.rate_hz == case.rate_hz
+        assert gn.heading(read, method="mean").heading == pytest.approx(session.status.measured.heading, abs=1e-5)
+
+
 def marked(case: Case, bit: int, where: int) -> list[bytes]:
     """Frames of a STIM of which one has a status bit set."""
     body = bytearray(case.frames[where][:-4])

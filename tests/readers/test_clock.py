@@ -230,5 +230,9 @@ def test_no_sample_is_invented_where_a_recording_ends_among_late_stamps():
 def test_losses_that_late_stamps_hide_are_refused(tmp_path):
     rng = np.random.default_rng(7)
     time = np.maximum.accumulate(np.arange(6000) / 200 + rng.exponential(0.02, 6000))
-    with pytest.raises(InputError, match=r"late by more than a sample interval.*--columns t=- --rate HZ"):
-        read(timed_file(tmp_path, time[rng.random(6000) > 0.06]))
+    path = timed_file(tmp_path, time[rng.random(6000) > 0.06])
+    with pytest.raises(InputError, match=r"late by more than a sample interval.*Declare the rate: --rate HZ"):
+        read(path)
+    assert len(read(path, rate_hz=200.0).gyro_b) == pytest.approx(6000, abs=5)
+    with pytest.raises(InputError, match="missing"):
+        read(path, rate_hz=210.0)

@@ -206,8 +206,12 @@ class Framer:
             self._since_frame = behind
         else:
             self._since_frame += behind
-        edge = np.zeros(decided + 1, np.int8)
-        edge[start] += 1
-        edge[end] -= 1
-        inside = np.cumsum(edge[:-1], dtype=np.int8).astype(bool)
-        return Frames(data[:decided][inside], length, start + self._offset, layout, before)
+        return Frames(_cut(data, start, end), length, start + self._offset, layout, before)
+
+
+def _cut(data: Bytes, start: Index, end: Index) -> Bytes:
+    """The bytes from places to others, which do not overlap."""
+    first = np.flatnonzero(np.append(True, start[1:] != end[:-1])[: len(start)])  # of frames without bytes between
+    last, whole = np.append(first[1:], len(start))[: len(first)] - 1, data.tobytes()
+    runs = [whole[a:b] for a, b in zip(start[first].tolist(), end[last].tolist(), strict=True)]
+    return np.frombuffer(b"".join(runs), np.uint8)

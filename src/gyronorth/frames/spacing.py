@@ -18,6 +18,7 @@ class Spacing:
     def __init__(self) -> None:
         self._length = 1.0  # usual bytes of a frame
         self._distance: float | None = None  # usual bytes from sample to sample, where it is even
+        self._others: Index = np.empty(0, np.int64)  # bytes of the frames of other kinds
         self._behind = 0  # bytes of no frame since the last sample
         self._start: int | None = None  # of the last sample, in the stream
         self._restarted = False  # a configuration has come since
@@ -25,6 +26,8 @@ class Spacing:
     def settle(self, frames: Frames, index: Index) -> None:
         """Learn from the frames `index`, among those at the start, how far samples are apart."""
         self._length = float(frames.length[index].mean())
+        lengths = np.unique(np.delete(frames.length, index))
+        self._others = lengths[lengths % self._length != 0]
         distances = np.diff(frames.start[index])
         usual = float(np.median(distances)) if len(distances) else 0.0
         whole = distances % usual == 0 if usual else distances < 0  # twice as far: one between was damaged
@@ -34,7 +37,8 @@ class Spacing:
     def shown(self, frames: Frames, index: Index) -> tuple[Index, Mask]:
         """Of the frames `index`: by how many samples each follows the one before, and whether the unit started between.
 
-        Damaged frames of other kinds are not told from damaged samples, unless samples come at even distances.
+        Damaged frames of other kinds are told from damaged samples where samples come at even distances, or where the
+        bytes are as many as in a frame of another kind, with or without samples.
         """
         bytes_ = np.cumsum(np.append(self._behind, frames.skipped))
         started = np.cumsum(np.append(int(self._restarted), frames.layout < -1))
@@ -47,6 +51,9 @@ class Spacing:
         else:
             self._behind, self._restarted = int(bytes_[-1]), bool(started[-1])
         steps = 1 + np.round(skipped / self._length)
+        for length in self._others.tolist():
+            samples, rest = np.divmod(skipped - length, self._length)
+            steps = np.where((samples >= 0) & (rest == 0), 1 + samples, steps)
         if self._distance is not None and len(index):
             before = start[0] - self._distance if self._start is None else self._start
             distances = np.diff(start, prepend=before)

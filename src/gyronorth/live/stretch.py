@@ -41,9 +41,10 @@ class Stretch:
     """
 
     def __init__(self, name: str, form: Form, stated: Facts, options: ReadOptions) -> None:
-        clock = Clock(unit=1.0) if form.time else None
         self.form, self.stated = form, stated
         usual, decoded = form.decoded or Facts(), form.decoded is not None
+        counted = None if usual.rate_hz is None else 1 / usual.rate_hz  # the time is that of counted samples
+        clock = Clock(unit=1.0, step=counted) if form.time else None
         source = Source("live", name, form.columns, lambda: iter(()), stated, usual, clock=clock, decoded=decoded)
         self._stream = GridStream(source, options)
         self.declared: Declared = self._stream.declared

@@ -220,18 +220,19 @@ class GridBuilder:
             time, data = time[finite], data[finite]
             step = self._order.differences(time)
             twice = np.zeros(len(step), dtype=bool) if (step != 0).all() else repeats(step, data)
-            interval = measure(step[~twice], unit=clock.unit)
+            interval = clock.step or measure(step[~twice], unit=clock.unit)
             if interval is None and (self.rate_hz is None or len(time) > 1):
                 raise self._cured(*timeless(time, self._order.differences(time), clock, self._source.name))
-            if interval is not None and np.isnan(interval):
+            unknown = interval is not None and np.isnan(interval)
+            if unknown and (self.rate_hz is None or clock.unit is None):
                 raise self._cured(*unclear(time, clock, self._source.name))
-            if interval is None:
+            if interval is None or unknown:
                 self._order.interval = 1 / ((self.rate_hz or 1.0) * (clock.unit or 1.0))
             else:
                 self._order.interval = interval
                 self._check_whole(time, clock)
                 self._check_coarse(step[~twice], clock)
-            if interval is not None and clock.unit is not None:
+            if interval is not None and not unknown and clock.unit is not None:
                 self._agree(float(f"{1 / (interval * clock.unit):.7g}"), clock.name)
             seconds = self._order.interval * (clock.unit or 1.0)
             self._envelope = Envelope(self._order.interval, 1 if clock.unit is None else width_of(seconds))

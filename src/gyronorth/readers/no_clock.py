@@ -49,14 +49,15 @@ def no_rate(rate_hz: float, bounds: tuple[float, float], title: str, name: str) 
 
 
 def unclear(time: NDArray[np.float64], clock: Clock, name: str) -> tuple[str, ...]:
-    """Of stamps that are late by more than the samples lost between them."""
+    """Of stamps that are late by more than the samples lost between them; with the rate, they show the losses."""
     rate_hz = (len(time) - 1) / float(time[-1] - time[0]) / (clock.unit or 1.0)
+    cure = ("Leave that column out and declare", *NO_CLOCK) if clock.unit is None else ("Declare", *NO_CLOCK[2:])
     says = (
         f"{clock.name} of {name} is late by more than a sample interval in most rows, and not all rows are "
-        f"there: on average {rate_hz:.4g} come in a second, the rate is higher. Leave that column out and declare "
-        "the rate: --columns t=- --rate HZ."
+        f"there: on average {rate_hz:.4g} come in a second, the rate is higher. {cure[0]} "
+        f"the rate: {' '.join(cure[1:])}."
     )
-    return (says, *NO_CLOCK)
+    return (says, *cure[1:])
 
 
 def coarse(step: NDArray[np.float64], clock: Clock, name: str) -> tuple[str, ...]:

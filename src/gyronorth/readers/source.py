@@ -79,6 +79,7 @@ class Clock:
     name: str = TIME  # its name in the file, for messages
     zero: float = 0.0  # s, added to its times before they are compared with another clock's
     known: bool = False  # whether the unit is declared or stated, not assumed
+    step: float | None = None  # from sample to sample, where what counts them gives it; None: to be measured
 
 
 @dataclass(frozen=True)

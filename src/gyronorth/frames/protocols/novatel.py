@@ -135,7 +135,8 @@ def _judge_lines(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]
     layout = np.full(len(start), OTHER, np.int64)
     for name, log in _NAMES.items():
         typed = log in _TYPED
-        named = np.flatnonzero((count == (10 if typed else 8)) & begins_with(data, start + 1, name + b","))
+        named = np.flatnonzero(count == (10 if typed else 8))
+        named = named[begins_with(data, start[named] + 1, name + b",")]
         imu = _small_numbers(data, comma[first[named]] + 1) if typed else np.zeros(len(named), np.int64)
         layout[named] = np.where(imu == _NO_TYPE, OTHER, _TEXT + log * 1000 + imu)
     return whole, layout

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from operator import itemgetter
 
 import numpy as np
 
@@ -14,6 +13,9 @@ from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, S
 _HEX = np.full(256, -1, np.int64)
 for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
     _HEX[np.frombuffer(_digits, np.uint8)] = np.arange(16)
+#: Numbers of more characters, or more digits, are read one by one.
+_LONGEST, _EXACT_DIGITS = 24, 15
+_NINE = np.uint8(9)
 
 
 def line_starts(data: Bytes, starts: Index, digits: int, longest: int) -> tuple[Index, Index]:
@@ -40,9 +42,11 @@ def name_of(row: Bytes) -> str:
 
 def hex_at_end(rows: Bytes, digits: int) -> Index:
     """The last `digits` characters as a hexadecimal number, (k,); -1 where they are none."""
-    values = _HEX[rows[:, -digits:]]
-    number = (values << (4 * np.arange(digits - 1, -1, -1))).sum(axis=1)
-    return np.where((values >= 0).all(axis=1), number, -1)
+    number, good = np.zeros(len(rows), np.int64), np.ones(len(rows), bool)
+    for column in rows[:, -digits:].T:
+        digit = _HEX[column]
+        number, good = number << 4 | digit, good & (digit >= 0)
+    return np.where(good, number, -1)
 
 
 def xor_holds(data: Bytes, start: Index, length: Index) -> Mask:
@@ -107,14 +111,42 @@ def columns_from_end(rows: Bytes, end: int, columns: Sequence[int], *, begin: in
     begin : int
         Characters at the begin that belong to none of these fields.
     """
-    text, width = rows[:, begin:end].tobytes().replace(b";", b","), rows.shape[1] + end - begin
-    chosen, least = itemgetter(*columns), -min(columns)
-    fields = [field for at in range(0, len(text), width) for field in chosen(text[at : at + width].rsplit(b",", least))]
-    try:
-        values = np.fromiter(map(float, fields), float, len(fields))
-    except ValueError:
-        values = np.array([_number(field) for field in fields])
-    return values.reshape(len(rows), len(columns))
+    size = rows.shape[1] + end - begin
+    text = np.full((len(rows) + 1, size + 1), ord(","), np.uint8)  # a comma behind each line, and before the first
+    text[1:, :-1] = rows[:, begin:end]
+    flat = text.ravel()
+    edges = np.flatnonzero((flat == ord(",")) | (flat == ord(";")))
+    last = np.searchsorted(edges, np.arange(2, len(text) + 1) * (size + 1) - 1)
+    return np.column_stack([_numbers(flat, edges[last + column] + 1, edges[last + column + 1]) for column in columns])
+
+
+def _numbers(text: Bytes, start: Index, end: Index) -> Array:
+    """The numbers from places of a text to others, (n,), as `float` reads them; NaN where there is none."""
+    size = int((end - start).max(initial=1))
+    if size > _LONGEST or size > end.min(initial=size):
+        return _one_by_one(text, start, end)
+    characters = np.ascontiguousarray(windows(text, end - size, size).T)  # one row for each place
+    sign = text[start]
+    negative = sign == ord("-")
+    first = size - (end - start) + (negative | (sign == ord("+")))
+    inside = np.arange(size, dtype=np.uint8)[:, None] >= first.astype(np.uint8)
+    digits = (characters - np.uint8(ord("0"))) * inside
+    points = np.flatnonzero(((characters == ord(".")) & inside).any(axis=1))[:1]
+    decimals = size - 1 - int(points[0]) if len(points) else 0
+    plain = first + len(points) < size  # there is a digit
+    if len(points):  # at one place in all that are read together
+        plain &= (characters[points[0]] == ord(".")) & inside[points[0]]
+        digits, inside = np.delete(digits, points, axis=0), np.delete(inside, points, axis=0)
+    plain &= (digits <= _NINE).all(axis=0) & ~inside[:-_EXACT_DIGITS].any(axis=0)
+    value = 10.0 ** np.arange(len(digits) - 1, -1, -1) @ digits / 10.0**decimals  # one rounding, as that of `float`
+    value[negative] *= -1
+    others = np.flatnonzero(~plain)
+    value[others] = _one_by_one(text, start[others], end[others])
+    return value
+
+
+def _one_by_one(text: Bytes, start: Index, end: Index) -> Array:
+    return np.array([_number(text[a:b].tobytes()) for a, b in zip(start.tolist(), end.tolist(), strict=True)], float)
 
 
 def _number(text: bytes) -> float:

@@ -51,7 +51,7 @@ def open_frames(path: Path, options: ReadOptions) -> Source:
         usual=usual_facts(report),
         axes_defined=report.axes is not None,
         decoded=True,
-        clock=Clock(unit=1.0, name="the unit's clock") if on_clock else Clock(unit=None, name="the frames"),
+        clock=Clock(unit=1.0, name="the unit's clock") if on_clock else Clock(unit=None, name="the frames", step=1.0),
         remarks=account.remarks,
     )
 
