@@ -233,10 +233,8 @@ FORMATS: tuple[FormatInfo, ...] = (
     FormatInfo("hdf5", "HDF5", _FORMATS + "hdf5", (".h5", ".hdf5"), (".h5", ".hdf5"), extra="io", takes_variable=True),
     FormatInfo("parquet", "Parquet", _FORMATS + "parquet", (".parquet",), (".parquet",), extra="io"),
     FormatInfo("feather", "Feather", _FORMATS + "tables", (".feather", ".arrow"), extra="io", takes_variable=True),
-    FormatInfo(
-        "rosbag1", "ROS 1 bag", _FORMATS + "rosbag", (".bag",), (".bag",), "io", takes_columns=False, takes_topic=True
-    ),
-    FormatInfo("rosbag2", "ROS 2 bag", _FORMATS + "rosbag", (".db3",), (), "io", takes_columns=False, takes_topic=True),
+    FormatInfo("rosbag1", "ROS 1 bag", _FORMATS + "rosbag", (".bag",), (".bag",), "io", takes_topic=True),
+    FormatInfo("rosbag2", "ROS 2 bag", _FORMATS + "rosbag", (".db3",), (), "io", takes_topic=True),
     FormatInfo("mcap", "MCAP", _FORMATS + "mcap", (".mcap",), (".mcap",), "io", takes_topic=True),
     FormatInfo("xlsx", "Excel .xlsx", _FORMATS + "workbook", (".xlsx",), extra="io", takes_variable=True),
     FormatInfo("miniseed", "miniSEED", _FORMATS + "miniseed", (".mseed", ".miniseed"), extra="io", takes_variable=True),

@@ -67,11 +67,7 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
             units[kind] = _agreed([parts[titles.index(name)].unit for name in there])
             columns |= {name: name for name in there}
         else:
-            candidates = [each for each in found if each.kind == kind]
-            # Phones call linear what has gravity taken out; what is raw stands beside what is calibrated.
-            plain = [each for each in candidates if not set(each.words) & set(_BESIDE)]
-            candidates = plain or candidates
-            candidates = [_along(each, options.axes) for each in candidates]
+            candidates = [_along(each, options.axes) for each in plain_triples(found, kind)]
             triple = candidates[0] if candidates else None
             needed = ours == options.needed
             questions += _doubts(kind, candidates, parts, titles, columns if needed else None)
@@ -99,6 +95,13 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
         text = columns_text({**{k: v for k, v in columns.items() if k != TIME}, **declared})
         questions[-1] = Question(questions[-1].says, ("--columns", text), certain=False)
     return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), scales, tuple(questions))
+
+
+def plain_triples(found: Sequence[Triple], kind: str) -> list[Triple]:
+    """The triples of a kind that may be meant."""
+    candidates = [each for each in found if each.kind == kind]
+    # Phones call linear what has gravity taken out; what is raw stands beside what is calibrated.
+    return [each for each in candidates if not set(each.words) & set(_BESIDE)] or candidates
 
 
 def without_sign(chosen: Chosen, name: str) -> Chosen:
