@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -27,6 +28,7 @@ def held_source(
     shapes: Mapping[str, tuple[int, ...]],
     options: ReadOptions,
     *,
+    units: Mapping[str, str] | None = None,
     holds: str = "",
     looked_into: bool = False,
     mark: str = ".",
@@ -45,6 +47,8 @@ def held_source(
         Shape of each array that may be read, without asking for it; a table of samples is (n,), (n, k) or (k, n).
     options : ReadOptions
         Declarations.
+    units : mapping, optional
+        What the file states of the unit of an array.
     holds : str, optional
         What the file holds, for messages; by default the shapes.
     looked_into : bool, optional
@@ -62,7 +66,8 @@ def held_source(
     singles = {title for title, shape in shapes.items() if all(size == 1 for size in shape)}
     for title, shape in shapes.items():
         if title not in singles:
-            there |= columns_of(title, shape)
+            unit = (units or {}).get(title, "")
+            there |= {name: replace(column, unit=unit) for name, column in columns_of(title, shape).items()}
     if not there:
         raise InputError(f"{name} holds {listed or 'no array'}; an array of numbers, samples x columns, is expected.")
     scalars = {title: float(np.asarray(arrays[title]).reshape(-1)[0]) for title in singles if np.size(arrays[title])}

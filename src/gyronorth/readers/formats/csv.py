@@ -23,7 +23,7 @@ import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
-from gyronorth.readers.columns import Chosen, by_numbers, by_titles, column_name, told
+from gyronorth.readers.columns import Chosen, by_numbers, by_numbers_of_titles, by_titles, told
 from gyronorth.readers.evidence import is_whole
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
@@ -185,7 +185,7 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
         chosen = by_titles(layout, parts, options, preset)
         chosen = replace(chosen, columns=chosen.columns | declared)
         open_ = not any(ours in chosen.columns for ours in options.needed) and layout.rows
-        return (_by_numbers(layout, options, declared, name) or chosen) if open_ else chosen
+        return (by_numbers_of_titles(layout, options, name) or chosen) if open_ else chosen
     if all(ours in declared for ours in options.needed):
         return Chosen(declared)
     lead = f"{name} has no header: its row {layout.row + 1} is already numbers."
@@ -200,18 +200,6 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
         columns,
         questions=(Question(f"{lead} By its first rows {question.says}", ("--columns", columns_text(columns))),),
     )
-
-
-def _by_numbers(layout: TextLayout, options: ReadOptions, declared: dict[str, str | int], name: str) -> Chosen | None:
-    """What the numbers of a file say whose titles say nothing of a sensor; the user must agree."""
-    found = by_numbers(layout, options.needed)
-    if found is None or not set(found.columns) - set(RATES):  # three columns alone, of anything
-        return None
-    proposed = {ours: column_name(int(at), layout.titles) for ours, at in found.columns.items()}
-    columns = {**proposed, **declared}
-    titles = ", ".join(title[:20] for title in layout.titles[:8]) + (", ..." if len(layout.titles) > 8 else "")
-    says = f"No title of {name} is known: {titles}. By its first rows {found.questions[0].says}"
-    return Chosen(columns, questions=(Question(says, ("--columns", columns_text(columns)), certain=False),))
 
 
 def _counting(chosen: Chosen, layout: TextLayout, positions: Mapping[str, int], options: ReadOptions) -> Chosen:

@@ -54,7 +54,8 @@ def table_source(format: str, name: str, table: Any, options: ReadOptions) -> So
     with errors_translated(name, "table"):
         arrays = dict(_arrays(table, name))
     shapes = {title: array.shape for title, array in arrays.items() if array.size}
-    return held_source(format, name, arrays, shapes, options, mark=MARK)
+    units = {title: "s" for title, array in arrays.items() if array.dtype.kind == "M"}  # read as seconds
+    return held_source(format, name, arrays, shapes, options, units=units, mark=MARK)
 
 
 def _arrays(table: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
