@@ -28,7 +28,6 @@ def held_source(
     shapes: Mapping[str, tuple[int, ...]],
     options: ReadOptions,
     *,
-    units: Mapping[str, str] | None = None,
     holds: str = "",
     looked_into: bool = False,
     mark: str = ".",
@@ -47,8 +46,6 @@ def held_source(
         Shape of each array that may be read, without asking for it; a table of samples is (n,), (n, k) or (k, n).
     options : ReadOptions
         Declarations.
-    units : mapping, optional
-        What the file states of the unit of an array.
     holds : str, optional
         What the file holds, for messages; by default the shapes.
     looked_into : bool, optional
@@ -66,7 +63,8 @@ def held_source(
     singles = {title for title, shape in shapes.items() if all(size == 1 for size in shape)}
     for title, shape in shapes.items():
         if title not in singles:
-            unit = (units or {}).get(title, "")
+            dated = arrays.get(title)  # None where it is not yet decoded: those are numbers
+            unit = "s" if dated is not None and dated.dtype.kind == "M" else ""  # as it is read, whatever its title
             there |= {name: replace(column, unit=unit) for name, column in columns_of(title, shape).items()}
     if not there:
         raise InputError(f"{name} holds {listed or 'no array'}; an array of numbers, samples x columns, is expected.")

@@ -32,7 +32,8 @@ GYRO_WORDS = (
     ("angularrate",), ("rotationrate",), ("rate",), ("wb",), ("wib",), ("wibb",),
     ("drehrate",), ("winkelgeschwindigkeit",), ("vitesse", "angulaire"), ("velocidad", "angular"),
     ("velocidade", "angular"), ("velocita", "angolare"), ("hoeksnelheid",), ("predkosc", "katowa"), ("giroscopio",),
-    ("gyroskop",), ("угловая", "скорость"), ("гироскоп",), ("角速度",), ("陀螺仪",), ("각속도",),
+    ("gyroskop",), ("угловая", "скорость"), ("гироскоп",), ("дус",), ("vinkelhastighet",), ("giro",),
+    ("ジャイロ",), ("角速度",), ("陀螺仪",), ("각속도",),
 )  # fmt: skip
 ANGLE_WORDS = (
     ("dtheta",), ("delta", "theta"), ("deltatheta",), ("delta", "angle"), ("deltaangle",), ("dang",), ("delta", "ang"),
@@ -45,7 +46,7 @@ ACCEL_WORDS = (
     ("sf",), ("acce",), ("fb",), ("fib",), ("fibb",), ("force",), ("accelerations",), ("linear", "acceleration"),
     ("linearacceleration",), ("specificforce",), ("accl",), ("accs",), ("proper", "acceleration"),
     ("beschleunigung",), ("aceleracion",), ("aceleracao",), ("accelerazione",), ("versnelling",), ("przyspieszenie",),
-    ("ускорение",), ("акселерометр",), ("加速度",), ("加速度计",), ("가속도",),
+    ("acel",), ("acelerometro",), ("ускорение",), ("акселерометр",), ("加速度",), ("加速度计",), ("가속도",),
 )  # fmt: skip
 VELOCITY_WORDS = (
     ("dvel",), ("delta", "v"), ("deltav",), ("delta", "velocity"), ("deltavelocity",), ("delta", "vel"), ("delvel",),

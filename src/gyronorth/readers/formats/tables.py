@@ -54,8 +54,7 @@ def table_source(format: str, name: str, table: Any, options: ReadOptions) -> So
     with errors_translated(name, "table"):
         arrays = dict(_arrays(table, name))
     shapes = {title: array.shape for title, array in arrays.items() if array.size}
-    units = {title: "s" for title, array in arrays.items() if array.dtype.kind == "M"}  # read as seconds
-    return held_source(format, name, arrays, shapes, options, units=units, mark=MARK)
+    return held_source(format, name, arrays, shapes, options, mark=MARK)
 
 
 def _arrays(table: Any, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
