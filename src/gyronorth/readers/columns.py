@@ -21,6 +21,7 @@ from gyronorth.readers.titles import OTHER_WORDS, Title, Triple, label, take_apa
 #: Words of columns that stand beside those that are meant.
 _BESIDE = ("linear", "lin", "raw", "uncal", "uncalibrated", "uncomp", "uncompensated", "adc", "lsb", "delta",
            "increment", "incremental")  # fmt: skip
+_VALUES = frozenset(("value", "values", "val", "vals", "data", "reading", "readings", "measurement", "sample"))
 #: Fewest steps that tell a clock.
 FEWEST_STEPS = 20
 _WORDS = {"gyro": "angular rate", "accel": "specific force"}
@@ -282,10 +283,15 @@ def _doubts(
 
 
 def bare_triple(parts: Sequence[Title]) -> tuple[int, int, int] | None:
-    """The only three columns x, y, z, where their titles say no more."""
-    bare = [(i, part.axis) for i, part in enumerate(parts) if not (part.kind or part.words)]
+    """The only three columns x, y, z, where their titles say no more than that they are values."""
+    bare = [(i, part.axis) for i, part in enumerate(parts) if is_bare(part)]
     at = [[i for i, its in bare if its == axis] for axis in range(3)]
     return (at[0][0], at[1][0], at[2][0]) if all(len(each) == 1 for each in at) else None
+
+
+def is_bare(part: Title) -> bool:
+    """Whether a title says of a sensor no more than an axis."""
+    return not part.kind and set(part.words) <= _VALUES
 
 
 def _check_agreed(units: Sequence[tuple[str, str | None, float]]) -> None:

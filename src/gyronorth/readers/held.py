@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.array_groups import of_groups
 from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Block, Parts, Source, blocks_of, rows_block
@@ -68,6 +69,9 @@ def held_source(
             there |= {name: replace(column, unit=unit) for name, column in columns_of(title, shape).items()}
     if not there:
         raise InputError(f"{name} holds {listed or 'no array'}; an array of numbers, samples x columns, is expected.")
+    again = partial(held_source, format, name, arrays, shapes, holds=holds, looked_into=looked_into, mark=mark)
+    if (pair := of_groups(there, options, mark, again)) is not None:
+        return pair
     scalars = {title: float(np.asarray(arrays[title]).reshape(-1)[0]) for title in singles if np.size(arrays[title])}
 
     def numbers(column: Column, part: slice = slice(None)) -> NDArray[np.float64]:
