@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
+import struct
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -123,6 +124,22 @@ def mcap(path: Path) -> None:
         writer.finish()
 
 
+def own_messages(path: Path) -> None:
+    """Two topics of messages of a driver's own, each a whole recording."""
+    values = np.column_stack([GYRO, FORCE]).tolist()
+    content = [struct.pack("<4xI4xq6d", i, round(1e9 * TIME[i]), *values[i]) for i in range(ROWS)]
+    definition = b"uint32 seq\nint64 time_ns\nfloat64[3] gyro  # rad/s\nfloat64[3] accel  # [m/s2]\n"
+    with path.open("wb") as file:
+        writer = pytest.importorskip("mcap.writer").Writer(file)
+        writer.start(profile="ros2", library="")
+        schema = writer.register_schema("drv_msgs/msg/Raw", "ros2msg", definition)
+        for topic in ("/a", "/b"):
+            channel = writer.register_channel(topic, "cdr", schema)
+            for i in range(ROWS):
+                writer.add_message(channel, round(1e9 * TIME[i]), b"\0\1\0\0" + content[i][4:], 0)
+        writer.finish()
+
+
 two_gyros = of(text(titled("t (s)", *(f"gyro{k}_{a} (deg/s)" for k in (1, 2) for a in "xyz"), *(
     f"acc_{a} (m/s2)" for a in "xyz")), (TIME, *DPS.T, *DPS.T, *FORCE.T), ("%.3f", *["%.10f"] * 9)))  # fmt: skip
 
@@ -160,6 +177,7 @@ CASES = [
         ["# gyro: 100000000 LSB/(deg/s), accel: 1000000 LSB/g", "t_s,gx,gy,gz,ax,ay,az"],
         (TIME, *np.round(DPS * 1e8).T, *np.round(G * 1e6).T), ("%.3f", *["%d"] * 6)))),
     Asked("formats/mcap.py:_json_topic", "2 topics of JSON", "two.mcap", mcap),
+    Asked("message_table.py:choose_own", "Which one is meant?", "own.mcap", own_messages),
     Asked("formats/miniseed.py:_named", "holds 2 rotational sensors", "m.mseed", miniseed(("A", "B"), "ENZ"), SI),
     Asked("formats/miniseed.py:_automatic", "is not known", "m.mseed", miniseed(("A",), "123"), (*SI, "--axes", "rfu"),
           accel=False),
@@ -184,7 +202,14 @@ CASES = [
           (*FRD, "--gyro-unit", "deg/s", "--accel-unit", "g"), fill=(("DEG_PER_S_IN_ONE_COUNT", f"{1 / 3.6e8:.12g}"),)),
 ]  # fmt: skip
 #: Those that are made in a process of their own, where nobody looks over their shoulder.
-APART = ("formats/mcap.py", "formats/miniseed.py", "formats/r_data.py", "formats/workbook.py", "archive.py")
+APART = (
+    "formats/mcap.py",
+    "message_table.py",
+    "formats/miniseed.py",
+    "formats/r_data.py",
+    "formats/workbook.py",
+    "archive.py",
+)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gyronorth.readers.bag_folder import is_bag_folder
+from gyronorth.readers.bag_folder import is_bag_folder, is_recording_folder
 from gyronorth.readers.options import ReadOptions, parse_columns
 from gyronorth.readers.reading import RecordingInfo, read, read_chunks
 from gyronorth.readers.registry import FORMATS, recordings_in, recordings_inside
@@ -25,6 +25,7 @@ __all__ = [
     "RecordingInfo",
     "describe",
     "is_bag_folder",
+    "is_recording_folder",
     "parse_columns",
     "read",
     "read_chunks",

@@ -33,7 +33,7 @@ from gyronorth.readers.array_names import (
     RATE_SCALARS,
     TIME_ARRAYS,
 )
-from gyronorth.readers.columns import Chosen, by_numbers, by_titles, without_sign
+from gyronorth.readers.columns import Chosen, by_numbers, by_numbers_of_titles, by_titles, without_sign
 from gyronorth.readers.layout import COMPARED, TextLayout
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME, Clock, Facts, Question
@@ -173,7 +173,8 @@ def choose(
         If the columns cannot be told, or differ in length.
     """
     titles = under(there, options.variable, name, mark=mark)
-    found = None if options.columns else _by_arrays(titles, scalars, name, mark) or _psins(titles, look)
+    declared = dict(options.columns or {})
+    found = None if declared else _by_arrays(titles, scalars, name, mark) or _psins(titles, look)
     if found is None:
         where = name if options.variable is None else f"variable {options.variable} of {name}"
         numbered = all(re.fullmatch(r"\d+|-", str(column)) for column in (options.columns or {}).values())
@@ -181,15 +182,13 @@ def choose(
             titles, where = under(there, matrix, name, mark=mark), f"variable {matrix} of {name}"
         listed = list(titles)
         bare = all(title.isdigit() for title in listed)
-        by = Chosen() if options.columns else _by_columns(titles, look, options, where, mark, bare=bare)
-        declared = options.columns or by.columns or None
-        positions = choose_columns(len(listed) if bare else listed, declared, aliases, where, needed=options.needed)
+        by = Chosen() if declared and bare else _by_columns(titles, look, options, where, mark, bare=bare)
+        wanted = by.columns | declared or None
+        positions = choose_columns(len(listed) if bare else listed, wanted, aliases, where, needed=options.needed)
         named = {ours: listed[positions[ours]] for ours in NAMES if ours in positions}
         increments = "both" if len(by.increments) == 2 else next(iter(by.increments), False)
         stated = Facts(gyro_unit=by.gyro_unit, accel_unit=by.accel_unit, increments=increments)
-        found = ChosenArrays(
-            {ours: titles[title] for ours, title in named.items()}, named, stated, questions=by.questions
-        )
+        found = ChosenArrays({ours: titles[named[ours]] for ours in named}, named, stated, questions=by.questions)
     rows = {title: column.rows for title, column in found.columns.items()}
     if len(set(rows.values())) > 1:
         lengths = ", ".join(f"{title} {count}" for title, count in rows.items())
@@ -230,7 +229,9 @@ def _by_columns(
     layout = first_rows(() if bare else tuple(listed), values)
     if not bare:
         parts = [_taken_apart(title, titles[title].unit, mark) for title in listed]
-        return without_sign(by_titles(layout, parts, options, None), where)
+        chosen = without_sign(by_titles(layout, parts, options, None), where)
+        open_ = not any(ours in chosen.columns or ours in (options.columns or ()) for ours in options.needed)
+        return (by_numbers_of_titles(layout, options, where) or chosen) if open_ else chosen
     found = by_numbers(layout)
     if found is None:
         return _numbered(where, len(titles))

@@ -1,4 +1,4 @@
-"""Tables whose cells hold more than a number: three in brackets, or a unit behind each.
+"""Tables whose cells hold more than a number: three in brackets, a unit behind each, or hexadecimal counts.
 
 `1.0,"[0.1, 0.2, 0.3]"` has one title for the three, and becomes three columns x, y, z; the unit of `0.12 deg/s` goes
 into the title. Each is written anew as a plain table.
@@ -19,6 +19,7 @@ from gyronorth.readers.spellings import is_unit
 MOST, FEWEST = 0.9, 3
 _BETWEEN = rb"[ \t,;]+"
 _VECTOR = re.compile(rb"\"?[\[(][ \t]*(%b(?:%b%b){2})[ \t]*[\])]\"?" % (NUMBER, _BETWEEN, NUMBER))
+_HEX = re.compile(rb"(?<![\w.])0[xX]([0-9A-Fa-f]{16}|[0-9A-Fa-f]{8}|[0-9A-Fa-f]{6}|[0-9A-Fa-f]{4})(?![\w.])")
 _CELL = re.compile(r"([-+]?[\d.,]+(?:[eE][-+]?\d+)?)\s*([^\d\s.,+-].*)")
 
 
@@ -33,6 +34,8 @@ def rewriting_of_cells(lines: Sequence[bytes]) -> Rewriting | None:
     rows = lines[1:]
     if len(rows) < FEWEST:
         return None
+    if all(len(_HEX.findall(row)) >= FEWEST for row in rows):
+        return lambda pieces: (_HEX.sub(_signed, piece) for piece in pieces)
     delimiter = max((b",", b";", b"\t"), key=lines[0].count)
     if not _VECTOR.search(lines[0]) and sum(bool(_VECTOR.search(row)) for row in rows) >= MOST * len(rows):
         return _of_vectors(lines[0], rows[-1], delimiter)
@@ -44,6 +47,13 @@ def rewriting_of_cells(lines: Sequence[bytes]) -> Rewriting | None:
     if sum(map(bool, units)) < FEWEST:
         return None
     return partial(_without_units, titles=titles, units=units, delimiter=delimiter)
+
+
+def _signed(match: re.Match[bytes]) -> bytes:
+    """A hexadecimal number of 4, 6, 8 or 16 digits as the two's complement that it is."""
+    bits = 4 * len(match[1])
+    number = int(match[1], 16)
+    return b"%d" % (number - (1 << bits) if number >> (bits - 1) else number)
 
 
 def _of_vectors(header: bytes, row: bytes, delimiter: bytes) -> Rewriting | None:

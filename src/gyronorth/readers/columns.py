@@ -21,6 +21,7 @@ from gyronorth.readers.titles import OTHER_WORDS, Title, Triple, label, take_apa
 #: Words of columns that stand beside those that are meant.
 _BESIDE = ("linear", "lin", "raw", "uncal", "uncalibrated", "uncomp", "uncompensated", "adc", "lsb", "delta",
            "increment", "incremental")  # fmt: skip
+_VALUES = frozenset(("value", "values", "val", "vals", "data", "reading", "readings", "measurement", "sample"))
 #: Fewest steps that tell a clock.
 FEWEST_STEPS = 20
 _WORDS = {"gyro": "angular rate", "accel": "specific force"}
@@ -67,14 +68,10 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
             units[kind] = _agreed([parts[titles.index(name)].unit for name in there])
             columns |= {name: name for name in there}
         else:
-            candidates = [each for each in found if each.kind == kind]
-            # Phones call linear what has gravity taken out; what is raw stands beside what is calibrated.
-            plain = [each for each in candidates if not set(each.words) & set(_BESIDE)]
-            candidates = plain or candidates
-            candidates = [_along(each, options.axes) for each in candidates]
+            candidates = [_along(each, options.axes) for each in plain_triples(found, kind)]
             triple = candidates[0] if candidates else None
             needed = ours == options.needed
-            questions += _doubts(kind, candidates, parts, titles, columns if needed else None)
+            questions += _doubts(kind, candidates, parts, layout, columns if needed else None)
             if triple is not None:
                 columns |= {name: column_name(i, titles) for name, i in zip(ours, triple.positions, strict=True)}
                 units[kind] = triple.unit
@@ -101,6 +98,13 @@ def by_titles(layout: TextLayout, parts: Sequence[Title], options: ReadOptions, 
     return Chosen(columns, units["gyro"], units["accel"], frozenset(increments), scales, tuple(questions))
 
 
+def plain_triples(found: Sequence[Triple], kind: str) -> list[Triple]:
+    """The triples of a kind that may be meant."""
+    candidates = [each for each in found if each.kind == kind]
+    # Phones call linear what has gravity taken out; what is raw stands beside what is calibrated.
+    return [each for each in candidates if not set(each.words) & set(_BESIDE)] or candidates
+
+
 def without_sign(chosen: Chosen, name: str) -> Chosen:
     """The same, of arrays, whose columns are read as they are.
 
@@ -120,7 +124,7 @@ def without_sign(chosen: Chosen, name: str) -> Chosen:
 
 def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | None:
     """The columns of a file without titles, by what their numbers do; None where these do not tell what is needed."""
-    values = np.column_stack([numbers(layout, position) for position in range(layout.width)])
+    values = _values(layout, range(layout.width))
     usable = np.asarray(np.isfinite(values).all(axis=0))
     time, interval = _time_column(layout, values, usable)
     rate_hz = None if interval is None else 1 / interval
@@ -153,6 +157,18 @@ def by_numbers(layout: TextLayout, needed: tuple[str, ...] = RATES) -> Chosen | 
     return Chosen(columns, questions=(Question(f"{', '.join(described)}.", ("--columns", columns_text(columns))),))
 
 
+def by_numbers_of_titles(layout: TextLayout, options: ReadOptions, name: str) -> Chosen | None:
+    """What the numbers of a file say whose titles say nothing of a sensor; the user must agree."""
+    found = by_numbers(layout, options.needed) if layout.width >= len(RATES) else None
+    if found is None or not set(found.columns) - set(RATES):  # three columns alone, of anything
+        return None
+    proposed = {ours: column_name(int(at), layout.titles) for ours, at in found.columns.items()}
+    columns = {**proposed, **(options.columns or {})}
+    titles = ", ".join(title[:20] for title in layout.titles[:8]) + (", ..." if len(layout.titles) > 8 else "")
+    says = f"No title of {name} is known: {titles}. By its first rows {found.questions[0].says}"
+    return Chosen(columns, questions=(Question(says, ("--columns", columns_text(columns)), certain=False),))
+
+
 def told(columns: Mapping[str, int], titles: Sequence[str], units: Mapping[str, str], clock: str) -> str:
     """What each column was taken for, for people."""
     parts = []
@@ -173,14 +189,18 @@ def _unnamed_force(
     free = [i for i, part in enumerate(parts) if i not in taken and not part.kind and not set(part.words) & OTHER_WORDS]
     found = []
     for i in (i for i in free if i + 1 in free and i + 2 in free):
-        values = np.column_stack([numbers(layout, position) for position in (i, i + 1, i + 2)])
-        if is_gravity(values):
+        if is_gravity(_values(layout, (i, i + 1, i + 2))):
             found.append(i)
     if len(found) != 1:
         return {}, []
     named: dict[str, str | int] = {ours: column_name(found[0] + k, titles) for k, ours in enumerate(FORCES)}
     says = f"{label(titles[found[0]], titles[found[0] + 2])} are like the specific force, and no title says so."
     return named, [Question(says, ("--columns", columns_text({**columns, **named})), certain=False)]
+
+
+def _values(layout: TextLayout, positions: Sequence[int]) -> np.ndarray:
+    """Columns of the first rows, shape (n, k)."""
+    return np.column_stack([numbers(layout, position) for position in positions])
 
 
 def _strange_unit(
@@ -247,15 +267,15 @@ def _doubts(
     kind: str,
     candidates: Sequence[Triple],
     parts: Sequence[Title],
-    titles: Sequence[str],
+    layout: TextLayout,
     columns: dict[str, str | int] | None,
 ) -> list[Question]:
     """Which of several triples is meant; of none, the columns x, y, z are put into `columns` where there is one."""
-    ours = RATES if kind == "gyro" else FORCES
+    ours, titles = RATES if kind == "gyro" else FORCES, layout.titles
     if len(candidates) > 1:
         return [_which(kind, ours, candidates, titles)]
     bare = None if candidates or columns is None else bare_triple(parts)
-    if bare is None or columns is None:
+    if bare is None or columns is None or (kind == "gyro" and is_gravity(_values(layout, bare))):
         return []
     columns |= {name: column_name(i, titles) for name, i in zip(ours, bare, strict=True)}
     says = f"Only {', '.join(titles[i] for i in bare)} may be the {_WORDS[kind]}, and no title says so."
@@ -263,10 +283,15 @@ def _doubts(
 
 
 def bare_triple(parts: Sequence[Title]) -> tuple[int, int, int] | None:
-    """The only three columns x, y, z, where their titles say no more."""
-    bare = [(i, part.axis) for i, part in enumerate(parts) if not (part.kind or part.words)]
+    """The only three columns x, y, z, where their titles say no more than that they are values."""
+    bare = [(i, part.axis) for i, part in enumerate(parts) if is_bare(part)]
     at = [[i for i, its in bare if its == axis] for axis in range(3)]
     return (at[0][0], at[1][0], at[2][0]) if all(len(each) == 1 for each in at) else None
+
+
+def is_bare(part: Title) -> bool:
+    """Whether a title says of a sensor no more than an axis."""
+    return not part.kind and set(part.words) <= _VALUES
 
 
 def _check_agreed(units: Sequence[tuple[str, str | None, float]]) -> None:

@@ -38,6 +38,26 @@ _FOREIGN: tuple[tuple[bytes, str, str], ...] = (
         "a log of Betaflight or INAV",
         "Write it as text: blackbox_decode {name}, and read the .csv that it writes",
     ),
+    (
+        b"Obj\x01",
+        "an Avro file",
+        "Write it as JSON: avro-tools tojson {name} > imu.jsonl, and read imu.jsonl",
+    ),
+    (
+        b"<?xml",
+        "an XML file",
+        "Write the numbers of its samples as text, one row each, by their names in it: xmlstarlet sel -t -m //SAMPLE "
+        "-v @t -o , -v @gx -n {name} > imu.csv, and read imu.csv",
+    ),
+    *(
+        (
+            begin,
+            "a capture of network packets",
+            "Write what they carry as a file: tshark -r {name} -q -z follow,udp,raw,0 shows it; or tcpflow -r {name} "
+            "for TCP, and read the file that it writes",
+        )
+        for begin in (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\x0a\x0d\x0d\x0a")
+    ),
     (b"%PDF-", "a PDF", "Give the file with the numbers"),
     (b"\x89PNG\r\n", "a picture", "Give the file with the numbers"),
     (b"\xff\xd8\xff", "a picture", "Give the file with the numbers"),

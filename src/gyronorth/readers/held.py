@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.array_groups import of_groups
 from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.source import Block, Parts, Source, blocks_of, rows_block
@@ -62,9 +64,14 @@ def held_source(
     singles = {title for title, shape in shapes.items() if all(size == 1 for size in shape)}
     for title, shape in shapes.items():
         if title not in singles:
-            there |= columns_of(title, shape)
+            dated = arrays.get(title)  # None where it is not yet decoded: those are numbers
+            unit = "s" if dated is not None and dated.dtype.kind == "M" else ""  # as it is read, whatever its title
+            there |= {name: replace(column, unit=unit) for name, column in columns_of(title, shape).items()}
     if not there:
         raise InputError(f"{name} holds {listed or 'no array'}; an array of numbers, samples x columns, is expected.")
+    again = partial(held_source, format, name, arrays, shapes, holds=holds, looked_into=looked_into, mark=mark)
+    if (pair := of_groups(there, options, mark, again)) is not None:
+        return pair
     scalars = {title: float(np.asarray(arrays[title]).reshape(-1)[0]) for title in singles if np.size(arrays[title])}
 
     def numbers(column: Column, part: slice = slice(None)) -> NDArray[np.float64]:

@@ -121,9 +121,10 @@ def _custom(other: Sequence[str]) -> str:
     if not own:
         return ""
     return (
-        f" {' and '.join(own[:4])}: an IMU perhaps, in messages of the driver's own, which are not read. Record its "
-        f"{IMU_TYPES[0]} (often /imu or /imu/data); or write the topic as text, rostopic echo -b BAG -p "
-        f"{own[0].split(' ')[0]} > imu.csv, and declare its columns."
+        f" {' and '.join(own[:4])}: an IMU perhaps, in messages of the driver's own. The file holds no definition of "
+        "them, or their names show no triple of angular rates and one of forces: then name the "
+        f"topic, --topic {own[0].split(' ')[0]}. Else record its {IMU_TYPES[0]} (often /imu or /imu/data), or write "
+        f"the topic as text, rostopic echo -b BAG -p {own[0].split(' ')[0]} > imu.csv, and declare its columns."
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from gyronorth.errors import InputError
 from gyronorth.readers.lines import NUMBER, PIECE, pieces_of, spooled
+from gyronorth.readers.spellings import is_unit
 from gyronorth.readers.spool import Spooled
 
 #: Most bytes of one object.
@@ -18,6 +19,8 @@ WHOLE = 1 << 25
 MOST_NAMES, MOST_CELLS = 400, 1 << 22
 #: Fewest numbers of a sample, objects whose names make the titles, and rows of one object that are written at a time.
 FEWEST, COMPARED, ROWS = 3, 200, 4096
+#: Keys of a unit.
+UNITS = ("unit", "units")
 _BLANKS, _SEPARATOR = re.compile(r"\s*+"), re.compile(r"\s*+([,\]])")
 
 
@@ -132,11 +135,19 @@ def _of_pandas(value: dict[str, Any]) -> list[Any] | None:
 
 
 def _lists(value: Any, place: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    """Place and content of every list, with the unit that stands beside it in its own object."""
+    unit = _unit(value) if place else ""
     for key, each in value.items():
         if isinstance(each, list):
-            yield (*place, key), each
+            yield (*place, f"{key}{unit}"), each
         elif isinstance(each, dict) and len(place) < 4:
             yield from _lists(each, (*place, key))
+
+
+def _unit(value: Mapping[str, Any]) -> str:
+    """The unit that an object states of its values, as " (unit)"; "" where it states none."""
+    stated = [each for key, each in value.items() if key.lower() in UNITS and isinstance(each, str) and is_unit(each)]
+    return f" ({stated[0]})" if len(stated) == 1 else ""
 
 
 def parsed(text: bytes, name: str) -> list[Any]:
@@ -206,19 +217,25 @@ def _without_number(places: dict[str, tuple[str | int, ...]]) -> dict[str, tuple
     return {title.partition(".")[2]: place for title, place in places.items()}
 
 
-def leaves_of(value: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str, tuple[str | int, ...]]]:
-    """Title and place of every number and text in an object; of three in a list the titles end in x, y and z."""
+def leaves_of(
+    value: Any, place: tuple[str | int, ...] = (), unit: str = ""
+) -> Iterator[tuple[str, tuple[str | int, ...]]]:
+    """Title and place of every number and text in an object; of three in a list the titles end in x, y and z.
+
+    A unit that stands beside numbers in an object of their own, {"x": 0.1, "unit": "deg/s"}, is in their titles.
+    """
     if isinstance(value, Mapping) and len(place) < 6:
+        unit = (_unit(value) if place else "") or unit
         for key, each in value.items():
-            yield from leaves_of(each, (*place, key))
+            yield from leaves_of(each, (*place, key), unit)
     elif isinstance(value, list) and len(value) <= 9:
         for i, each in enumerate(value):
-            yield from leaves_of(each, (*place, i))
+            yield from leaves_of(each, (*place, i), unit)
     elif isinstance(value, int | float | str) and place:
         words = [str(word) for word in place]
         if isinstance(place[-1], int):
             words[-1] = "xyz"[place[-1]] if place[-1] < 3 else words[-1]
-        yield re.sub(r'[",\r\n]', " ", ".".join(words)), place
+        yield re.sub(r'[",\r\n]', " ", ".".join(words)) + (unit if not isinstance(value, str) else ""), place
 
 
 def _cell(value: Any, place: tuple[str | int, ...]) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,11 +14,13 @@ from gyronorth.readers.columns import bare_triple, is_gravity
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.source import FORCES, RATES
 from gyronorth.readers.text_clock import numbers
-from gyronorth.readers.titles import take_apart
+from gyronorth.readers.titles import Title, take_apart, triples
 
 #: Rows of several sensors: most of these, share of rows at which they turn, fewest rows of each, and how many times the
 #: spread of one their middles lie apart.
 MOST_KINDS, MANY_TURNS, FEWEST_OF_A_KIND, APART = 8, 0.2, 10, 30.0
+#: Words of a title that says which unit a row is of.
+UNIT_WORDS = frozenset(("i", "inst", "instance", "imu", "id", "unit", "device", "sensor", "number", "no", "index"))
 #: What stands in a cell without a value, in lower case.
 EMPTY = ("", "nan")
 
@@ -65,6 +68,28 @@ def _numbered_kinds(layout: TextLayout, bare: tuple[int, int, int] | None) -> tu
             feels.append(any(is_gravity(each) for each in triples if len(each) >= FEWEST_OF_A_KIND))
         if sum(feels) == 1:
             return column, kinds[feels.index(False)], kinds[feels.index(True)]
+    return None
+
+
+def first_unit(layout: TextLayout, parts: Sequence[Title]) -> tuple[int, str, str] | None:
+    """The first of several whole units whose rows come in turn, as a column says that is titled so; None of one.
+
+    Its column and its text, and "" for the rows of forces, which are the same rows.
+    """
+    force = [each.positions for each in triples(layout.titles, parts) if each.kind == "accel"]
+    rates = [each.positions for each in triples(layout.titles, parts) if each.kind == "gyro"]
+    if len(force) != 1 or len(rates) != 1:
+        return None
+    for column, title in enumerate(layout.titles):
+        texts = [row[column] for row in layout.rows]
+        units = sorted(set(texts))
+        titled = {word.lower() for word in re.findall("[A-Z]?[a-z]+|[A-Z]+", title)}
+        if not titled or not titled <= UNIT_WORDS or not 2 <= len(units) <= MOST_KINDS:
+            continue
+        groups = [replace(layout, rows=tuple(row for row in layout.rows if row[column] == each)) for each in units]
+        feels = [is_gravity(np.column_stack([numbers(group, i) for i in force[0]])) for group in groups]
+        if _turns(np.unique(texts, return_inverse=True)[1]) >= MANY_TURNS * len(texts) and all(feels):
+            return column, units[0], ""
     return None
 
 

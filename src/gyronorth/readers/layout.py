@@ -20,6 +20,7 @@ from gyronorth.readers.header import COMMENT_MARKS, DELIMITERS, FEWEST, titles_a
 from gyronorth.readers.spellings import counts_in
 from gyronorth.readers.text_head import LONGEST_LINE
 from gyronorth.readers.times import time_text
+from gyronorth.readers.titles import take_apart
 
 #: Bytes at the start that are looked at, bytes at the end, and lines of rows that are compared.
 HEAD, TAIL, COMPARED = 1 << 16, 1 << 12, 200
@@ -29,6 +30,8 @@ DECIDING = 60
 LONGEST_FOOTER = 20
 WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "blanks"}
 COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:(.*)$")
+#: Encodings of titles that are no UTF-8, besides Latin-1, and titles that are looked at.
+NATIONAL, MOST_TITLES = ("cp1251", "gbk", "shift_jis", "cp949", "euc_jp", "cp1250", "koi8-r"), 200
 #: Longest line that may state a rate: the pattern takes the square of it.
 _LONGEST_STATEMENT = 200
 _RATE = re.compile(
@@ -65,10 +68,13 @@ class TextLayout:
     header: str = ""  # the line of the titles
     cut: int | None = None  # fields of the rows where they are other than the titles
     counts: dict[str, tuple[str, float, str]] = field(default_factory=dict)  # see `counts_in`
+    named_in: str = ""  # the encoding of what stands above the rows, where it is another than that of the rows
 
     def words(self) -> str:
         """What is unusual about it, for people; "" for a plain CSV."""
-        encoding = {"latin-1": "Latin-1", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}.get(self.encoding)
+        encoding = self.named_in or {"latin-1": "Latin-1", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}.get(
+            self.encoding
+        )
         parts = [
             encoding,
             None if self.delimiter == "," else f"{WORDS[self.delimiter]} between fields",
@@ -111,9 +117,13 @@ def sniff(path: Path) -> TextLayout:
         lines = body.decode(encoding, errors="replace").split(line_end)[: len(lines)]
         return _without_rows(lines, encoding, line_end, path.name)
     encoding = _latin(body, encoding, first)
+    named_in = ""
     if encoding == "latin-1":
         lines = body.decode(encoding).split(line_end)[: len(lines)]
-        plain = [line.strip("\r\n ") for line in lines]
+        above_rows = line_end.join(lines[:first])
+        named_in = _encoding_of_titles(above_rows.encode(encoding))
+        titled = above_rows.encode(encoding).decode(named_in or encoding).split(line_end)
+        plain = [line.strip("\r\n ") for line in [*titled, *lines[first:]]]
     offset = skip + len("".join(line + line_end for line in lines[:first]).encode(encoding, errors="replace"))
     if encoding == "utf-8":  # damaged bytes above the rows have made it Latin-1
         offset = skip + _byte_offset(body, line_end, first)
@@ -140,7 +150,7 @@ def sniff(path: Path) -> TextLayout:
         sparse=any(not cell.strip() for row in usual for cell in row),
         rows=tuple(tuple(cell.strip() for cell in row) for row in usual), rate_hz=rate_hz,
         header=plain[header_row] if header_row is not None else "",
-        cut=None if usual or not rows else len(rows[0]), counts=counts_in(plain[:first]),
+        cut=None if usual or not rows else len(rows[0]), counts=counts_in(plain[:first]), named_in=named_in,
     )  # fmt: skip
 
 
@@ -172,6 +182,19 @@ def _latin(body: bytes, encoding: str, first: int) -> str:
     return encoding
 
 
+def _encoding_of_titles(above: bytes) -> str:
+    """The encoding in which more titles above the rows are known than in Latin-1; "" where none is better."""
+
+    def known(encoding: str) -> int:
+        try:
+            cells = re.split(r"[,;\t|]", above.decode(encoding or "latin-1"))
+        except UnicodeDecodeError:
+            return -1
+        return sum(bool(take_apart(cell).kind) for cell in cells[:MOST_TITLES])
+
+    return max(("", *NATIONAL), key=known)
+
+
 def _byte_offset(body: bytes, line_end: str, first: int) -> int:
     end, position = line_end.encode(), 0
     for _ in range(first):
@@ -188,7 +211,11 @@ def _check_lines(lines: Sequence[str], name: str, whole: bool) -> None:
             )
     if lines and any("\x00" in line for line in lines[:3]):
         row = next(row for row, line in enumerate(lines, start=1) if "\x00" in line)
-        raise InputError(f"Row {row} of {name} holds zero bytes: the file is damaged or not a text file.")
+        raise InputError(
+            f"Row {row} of {name} holds zero bytes: the file is damaged, or binary in no format that is known here. If it "
+            f"holds rows of numbers, in Python: numpy.save('imu.npy', numpy.fromfile({name!r}, '<f8').reshape(-1, "
+            "COLUMNS)), with their type and how many of them a row has; and read imu.npy."
+        )
 
 
 def _is_row_text(line: str) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from gyronorth.errors import InputError
+from gyronorth.readers.budget import size_of
 from gyronorth.readers.spool import Spooled, most_of
 
 #: Bytes of whole lines, or characters of a JSON array, that are written anew at a time.
@@ -21,7 +22,7 @@ def spooled(path: Path, pieces: Iterable[bytes]) -> Spooled:
     """The pieces in a file."""
     file = Spooled(path.name)
     source = (piece for piece in pieces if piece)  # an empty one is no end
-    most = most_of(path.stat().st_size)
+    most = most_of(size_of(path))
     file.fill(
         lambda _: next(source, b""),
         most=most,

@@ -19,6 +19,9 @@ WRAPS = (
 )
 #: Where counters of samples start again from 0.
 COUNTER_WRAPS = tuple((2.0**bits, f"a counter of {bits} bits overflows") for bits in (8, 16, 32))
+#: Bits of shorter counters of ticks of a known length, which start again often: longest time before and after, and
+#: shortest time from one to the next, in sample intervals.
+TICK_BITS, AROUND_TICKS, LEAST_TICKS = (16, 24), 20, 100
 #: Longest time before and after such a place, s; of a counter, samples.
 AROUND_WRAP = 10.0
 #: So many rows in order behind one that runs backwards are a clock that started again, not rows out of order.
@@ -121,9 +124,13 @@ class TimeOrder:
             return step
         unit = 1.0 if clock.unit is None else clock.unit
         around = AROUND_WRAP / unit
-        for whole, words in COUNTER_WRAPS if clock.unit is None else WRAPS:
-            wrap = whole / unit
-            at = (step < 0) & (raw[:-1] > wrap - around) & (raw[:-1] < wrap + 2 * self.interval) & (raw[1:] < around)
+        places = [(whole / unit, around, words) for whole, words in (COUNTER_WRAPS if clock.unit is None else WRAPS)]
+        if clock.unit is not None and clock.known and (raw == np.rint(raw)).all():
+            short = AROUND_TICKS * self.interval
+            places += [(2.0**bits, short, f"a counter of {bits} bits overflows") for bits in TICK_BITS
+                       if 2.0**bits >= LEAST_TICKS * self.interval]  # fmt: skip
+        for wrap, near, words in places:
+            at = (step < 0) & (raw[:-1] > wrap - near) & (raw[:-1] < wrap + 2 * self.interval) & (raw[1:] < near)
             at &= (raw[1:] >= 0) & (step + wrap > 0)
             if at.any():
                 step = np.where(at, step + wrap, step)

@@ -15,6 +15,7 @@ from gyronorth.errors import InputError
 from gyronorth.readers.cells import rewriting_of_cells
 from gyronorth.readers.json_table import of_array, of_objects, of_one_object
 from gyronorth.readers.lines import COLOUR, COLOURS, NUMBER, pieces_of, spooled
+from gyronorth.readers.phones import rewriting_of_parts
 from gyronorth.readers.sentences import rewriting_of
 from gyronorth.readers.spool import Spooled
 from gyronorth.readers.tidy import rewriting_of_tidy
@@ -63,7 +64,7 @@ def rewriter_of(head: bytes) -> Callable[[Path], Spooled] | None:
     whole = body.split(b"\n") if body.endswith(b"\n") else body.split(b"\n")[:-1]
     if (worded := rewriting_of_words([line.rstrip(b"\r") for line in whole])) is not None:
         return lambda path: spooled(path, worded(pieces_of(path)))
-    if (cells := rewriting_of_cells(lines) or rewriting_of_tidy(lines)) is not None:
+    if (cells := rewriting_of_cells(lines) or rewriting_of_tidy(lines) or rewriting_of_parts(lines)) is not None:
         return lambda path: spooled(path, cells(pieces_of(path)))
     return (lambda path: spooled(path, pieces_of(path))) if coloured else None
 

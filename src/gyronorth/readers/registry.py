@@ -16,7 +16,7 @@ from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError, did_you_mean
 from gyronorth.readers.archive import MAGIC as ZIP
 from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, members_of, split_path, unzipped
-from gyronorth.readers.bag_folder import METADATA, is_bag_folder
+from gyronorth.readers.bag_folder import METADATA, is_bag_folder, is_oxts_folder, is_recording_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
 from gyronorth.readers.foreign import foreign
 from gyronorth.readers.format import LOOK, Format
@@ -24,6 +24,7 @@ from gyronorth.readers.joining import joined, options_of_two
 from gyronorth.readers.library import pickled
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
+from gyronorth.readers.oxts import of_oxts
 from gyronorth.readers.records import rewriter_of
 from gyronorth.readers.source import Source
 from gyronorth.readers.spool import Spooled, is_stream, packed_as, piped, unpacked
@@ -147,8 +148,8 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0, packed: int | None
         return _unzipped(archive, member, options, depth)
     if not path.exists():
         raise FileNotFoundError(path)
-    if path.is_dir() and not is_bag_folder(path):
-        raise InputError(f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}).")
+    if path.is_dir():
+        return _of_folder(path, options, depth)
     if path.is_file() and path.stat().st_size == 0:
         raise InputError(f"{path.name} is empty.")
     if path.is_file():
@@ -161,6 +162,18 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0, packed: int | None
         if (rewritten := _rewriter(path, options)) is not None:
             return _held(rewritten(path), path.name, options, depth, packed)
     return _by_format(path, options, packed)
+
+
+def _of_folder(path: Path, options: ReadOptions, depth: int) -> Source:
+    """A folder that is one recording."""
+    if is_oxts_folder(path):
+        return _held(of_oxts(path), path.name, options, depth)
+    if not is_bag_folder(path):
+        raise InputError(
+            f"{path} is a folder; a file is expected (or a bag of ROS 2, which holds a {METADATA}, or a folder oxts of "
+            "KITTI)."
+        )
+    return _by_format(path, options)
 
 
 def _refuse_unread(path: Path, head: bytes, options: ReadOptions) -> None:
@@ -271,8 +284,8 @@ def recordings_in(folder: str | Path) -> list[Path]:
     """The recordings in a folder and the folders below it, by name.
 
     Everything with a known suffix counts, packed or not, each such file of a zip archive, each .txt that is an export
-    of MT Manager, and each folder that is a bag of ROS 2, as one; hidden files and folders do not. A link whose file is
-    gone and a folder that may not be looked into are among them: reading them says so.
+    of MT Manager, and each folder that is a bag of ROS 2 or of KITTI, as one; hidden files and folders do not. A link
+    whose file is gone and a folder that may not be looked into are among them: reading them says so.
 
     Raises
     ------
@@ -286,7 +299,7 @@ def recordings_in(folder: str | Path) -> list[Path]:
     closed = partial(_note_closed, found)
     for place, folders, names in os.walk(folder, onerror=closed):
         folders[:] = [name for name in folders if not name.startswith(".")]
-        for name in [name for name in folders if _is_bag(Path(place, name))]:
+        for name in [name for name in folders if _is_recording(Path(place, name))]:
             folders.remove(name)
             found.append(Path(place, name))
         for path in (Path(place, name) for name in names if not name.startswith(".")):
@@ -306,10 +319,10 @@ def recordings_in(folder: str | Path) -> list[Path]:
     return sorted(found, key=natural_order)
 
 
-def _is_bag(folder: Path) -> bool:
-    """Whether a folder is a bag of ROS 2; one that may not be looked into is none."""
+def _is_recording(folder: Path) -> bool:
+    """Whether a folder is one recording; one that may not be looked into is none."""
     try:
-        return is_bag_folder(folder)
+        return is_recording_folder(folder)
     except PermissionError:
         return False
 

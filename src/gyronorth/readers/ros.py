@@ -96,6 +96,8 @@ def topics_source(
     facts : Facts, optional
         What the file states; then gyronorth wrote it.
     """
+    if options.columns and topics:
+        raise InputError(f"columns does not apply to {name}: its messages name their own fields.")
     gyro, accel = options.topic, options.accel_topic
     if accel is None and gyro is None and len(topics) > 1:
         gyro, accel = _split(topics, make)

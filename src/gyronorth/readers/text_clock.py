@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from calendar import isleap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,11 +14,12 @@ from gyronorth.errors import InputError
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import TIME_UNITS
 from gyronorth.readers.source import Clock, Question
-from gyronorth.readers.times import DAY, WEEK, ClockColumns, is_compact, time_text
+from gyronorth.readers.times import DAY, WEEK, ClockColumns, digits_of_day, is_compact, time_text
 from gyronorth.readers.titles import COUNTER_WORDS, TIME_WORDS, Title
 
-#: Sample rates, Hz, by which the unit of a time is told where no title states it; no two units share one.
-TOLD_RATES = (25.0, 5000.0)
+#: Sample rates, Hz, by which the unit of a time is told where no title states it, no two units share one, and those by
+#: which one is proposed. Ticks of 10 us or of watch crystals, 32768 a second, taken for microseconds, give higher ones.
+TOLD_RATES, LIKELY_RATES = (25.0, 550.0), (25.0, 1100.0)
 #: The same for seconds, which have a point.
 SECONDS_RATES = (0.5, 20000.0)
 #: Largest relative difference of a rate that a time unit gives from the one that is known.
@@ -31,6 +33,8 @@ TICK_NUMBERS = ((6.311e17, 6.434e17), (1.262e17, 1.384e17))
 SAMPLE_TIME_FINE, LONGEST_FINE = ("sample", "time", "fine"), 400.0
 #: Days since 1900 of spreadsheets, since year 0 of MATLAB, Julian days: from about 1990 to 2070.
 DAY_NUMBERS = ((32000.0, 62500.0), (726000.0, 757000.0), (2447000.0, 2478000.0))
+#: Words of decimal years and of days of the year; years that are likely.
+YEAR_WORDS, DAY_WORDS, YEARS = frozenset(("year", "decyear")), frozenset(("doy", "day", "days")), (1980.0, 2100.0)
 #: Words of a title that is seconds of the GPS week.
 OF_THE_WEEK = frozenset(("sow", "tow", "towms", "gpstow", "itow"))
 #: Seconds in one unit of the parts of a second that stand beside whole seconds.
@@ -76,6 +80,9 @@ def find_clock(
         raise InputError(f"{title} states {part.unit}; {time_unit} is declared. Leave --time-unit out, or correct it.")
     if position in layout.texts or ":" in layout.rows[0][position] or is_compact(layout.rows[0][position]):
         return _written(layout, position, title, rate_hz)
+    if time_unit is None and (text := digits_of_day([row[position] for row in layout.rows], part.words)) is not None:
+        columns = ClockColumns((position,), text=text)
+        return FoundClock(Clock(1.0, text.wrap, title, known=True), columns, position, f"{title} (hours, minutes, s)")
     of_day = {kind: [i for i, each in enumerate(parts) if each.kind == kind] for kind in ("hour", "minute")}
     if all(len(found) == 1 for found in of_day.values()):
         hour, minute = of_day["hour"][0], of_day["minute"][0]
@@ -229,7 +236,7 @@ def _unit(
         low, high = (bound * 1000.0**power for bound in EPOCH_S)
         if low <= float(median(time)) <= high and SECONDS_RATES[0] <= 1 / (mean * unit) <= SECONDS_RATES[1]:
             return unit, None, f", since 1970: {time[0]:.10g}" if name != "s" else ""
-    if (ticks := _known_ticks(time, mean, part)) is not None:
+    if (ticks := _calendar(time, part) or _known_ticks(time, mean, part)) is not None:
         return ticks[0], None, ticks[1]
     if 1 / mean > SECONDS_RATES[1] and any(low < time[0] < high for low, high in DAY_NUMBERS):
         return DAY, None, ", days"
@@ -253,7 +260,16 @@ def _unit(
         f"{title} advances by {mean:.4g} in each row, in a unit that is not known: {' or '.join(rates)}? For steps of "
         "another length declare the rate: --columns t=- --rate HZ."
     )
-    return 1.0, Question(says, ("--time-unit", possible[0]), certain=False), ""
+    likely = [name for name in possible if LIKELY_RATES[0] <= 1 / (mean * TIME_UNITS[name]) <= LIKELY_RATES[1]]
+    options = ("--time-unit", likely[0]) if likely else ("--columns", "t=-", "--rate", "HZ")
+    return 1.0, Question(says, options, certain=False), ""
+
+
+def _calendar(time: NDArray[np.float64], part: Title) -> tuple[float, str] | None:
+    """Seconds in a decimal year, or in a day of the year, where the title says so."""
+    if YEAR_WORDS & set(part.words) and YEARS[0] < time[0] < YEARS[1]:
+        return DAY * (365 + isleap(int(time[0]))), ", years"
+    return (DAY, ", days") if DAY_WORDS & set(part.words) and 0 < time[0] < 367 else None
 
 
 def _known_ticks(time: NDArray[np.float64], mean: float, part: Title) -> tuple[float, str] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import date
 
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 DAY = 86400.0
 #: Week of GPS time, s.
 WEEK = 604800.0
+#: Words of titles whose digits are hours, minutes and seconds.
+_OF_DAY = frozenset(("hhmmss", "hms", "utc"))
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _CLOCK = r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)"
 _ZONE = r"[^\S\n]*(?:Z|UTC|[+-]\d{2}:?\d{2})?"
@@ -29,6 +32,8 @@ _FORMS = {
     ),
     "date and time without signs": rf"^\"?{_COMPACT}()?{_ZONE}\"?$",
     "year, day of the year and time": rf"^\"?(\d{{4}})[-:/ ](\d{{3}})()[T: ]\s*{_CLOCK}()?{_ZONE}\"?$",
+    "day of the year and time": rf"^\"?()(\d{{3}})()[:/T ]\s*{_CLOCK}()?{_ZONE}\"?$",
+    "time of day without signs": r"^\"?()()()(\d{2})(\d{2})(\d{2}\.?\d*)()\"?$",
     "days and time": rf"^\"?(\d+)\s*days?,?\s+()(){_CLOCK}()\"?$",
     "time of day": rf"^\"?()()(){_HALVES}\"?$",
     "minutes and seconds": r"^\"?()()()()(\d{1,2}):(\d{2}[.,]\d+)()\"?$",
@@ -46,7 +51,7 @@ class TimeText:
     @property
     def wrap(self) -> float | None:
         """Value at which it starts again from 0, s; None for dates."""
-        return {"time of day": DAY, "minutes and seconds": 3600.0}.get(self.form)
+        return {"time of day": DAY, "time of day without signs": DAY, "minutes and seconds": 3600.0}.get(self.form)
 
     def seconds(self, fields: list[str]) -> NDArray[np.float64] | None:
         """Seconds from the start of the day `origin`, shape (n,); None if a field is written otherwise."""
@@ -63,7 +68,7 @@ class TimeText:
             half = np.array([text.lower() for text in columns[6]])
             hour = np.where(half == "pm", hour % 12 + 12, np.where(half == "am", hour % 12, hour))
             time = time + 3600.0 * hour
-        if columns[0][0]:
+        if columns[0][0] or columns[1][0]:
             dates = list(zip(*columns[:3], strict=True))
             days = {each: self._day(each) for each in set(dates)}
             if any(day is None for day in days.values()):
@@ -72,8 +77,8 @@ class TimeText:
         return time
 
     def _day(self, parts: tuple[str, ...]) -> int | None:
-        if self.form == "days and time":
-            return int(parts[0])
+        if self.form in ("days and time", "day of the year and time"):
+            return int(parts[0] or parts[1])
         if self.form == "year, day of the year and time":
             year, day = int(parts[0]), int(parts[1])
             return date(year, 1, 1).toordinal() + day - 1 if year and 1 <= day <= 366 else None
@@ -114,6 +119,16 @@ def is_compact(text: str) -> bool:
         return False
     month, day, hour, minute, second = (int(match[i][:2]) for i in range(2, 7))
     return 1 <= month <= 12 and 1 <= day <= 31 and hour < 24 and minute < 60 and second < 60
+
+
+def digits_of_day(fields: Sequence[str], words: Collection[str]) -> TimeText | None:
+    """How six digits before a point tell the time, 115800.010: where a word of the title or a leading zero says so."""
+    said = not _OF_DAY.isdisjoint(words) or any(re.match("0[1-9]", text) for text in fields)
+    parts = [re.fullmatch(r"(\d\d)(\d\d)(\d\d)(?:\.\d*)?", text) for text in fields]
+    if not said or not parts or None in parts:
+        return None
+    fits = all(int(part[1]) < 24 and int(part[2]) < 60 and int(part[3]) < 60 for part in parts if part)
+    return TimeText("time of day without signs") if fits else None
 
 
 def time_text(fields: list[str]) -> TimeText | None:

@@ -32,7 +32,8 @@ GYRO_WORDS = (
     ("angularrate",), ("rotationrate",), ("rate",), ("wb",), ("wib",), ("wibb",),
     ("drehrate",), ("winkelgeschwindigkeit",), ("vitesse", "angulaire"), ("velocidad", "angular"),
     ("velocidade", "angular"), ("velocita", "angolare"), ("hoeksnelheid",), ("predkosc", "katowa"), ("giroscopio",),
-    ("gyroskop",), ("угловая", "скорость"), ("гироскоп",), ("角速度",), ("陀螺仪",), ("각속도",),
+    ("gyroskop",), ("угловая", "скорость"), ("гироскоп",), ("дус",), ("vinkelhastighet",), ("giro",),
+    ("ジャイロ",), ("角速度",), ("陀螺仪",), ("각속도",),
 )  # fmt: skip
 ANGLE_WORDS = (
     ("dtheta",), ("delta", "theta"), ("deltatheta",), ("delta", "angle"), ("deltaangle",), ("dang",), ("delta", "ang"),
@@ -45,7 +46,7 @@ ACCEL_WORDS = (
     ("sf",), ("acce",), ("fb",), ("fib",), ("fibb",), ("force",), ("accelerations",), ("linear", "acceleration"),
     ("linearacceleration",), ("specificforce",), ("accl",), ("accs",), ("proper", "acceleration"),
     ("beschleunigung",), ("aceleracion",), ("aceleracao",), ("accelerazione",), ("versnelling",), ("przyspieszenie",),
-    ("ускорение",), ("акселерометр",), ("加速度",), ("加速度计",), ("가속도",),
+    ("acel",), ("acelerometro",), ("ускорение",), ("акселерометр",), ("加速度",), ("加速度计",), ("가속도",),
 )  # fmt: skip
 VELOCITY_WORDS = (
     ("dvel",), ("delta", "v"), ("deltav",), ("delta", "velocity"), ("deltavelocity",), ("delta", "vel"), ("delvel",),
@@ -69,7 +70,7 @@ TIME_WORDS = frozenset(
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
-    czas tijd tid zaman время 时间 時間 시간
+    czas tijd tid zaman messzeit horodatage unixtime hhmmss hms year decyear doy время 时间 時間 시간
     """.split()  # noqa: SIM905
 )
 COUNTER_WORDS = frozenset(
@@ -290,13 +291,14 @@ def _axis(words: list[str]) -> tuple[int | None, list[str]]:
 def _kind(words: list[str], axis: int | None, found: dict[str, str], *, stated: bool) -> tuple[str, bool]:
     """The kind of a column by its words, its axis and its unit, and whether it holds increments.
 
-    A unit of time that is `stated` behind the title makes a time of words that are not known.
+    A unit of time that is `stated` behind the title, or parts of a second at its end, make a time of words that are
+    not known.
     """
     if axis is not None and words and set(words) & OTHER_WORDS:
         return "", False
     kind, increments = ("", False) if axis is None else _sensor(words, found)
     other = kind or (_other(words) if axis is None or not words else "")
-    timed = stated and "time" in found and (axis is None or not words)
+    timed = (stated or found.get("time") in ("ms", "us", "ns")) and "time" in found and (axis is None or not words)
     if not other and timed and not set(words) & (OTHER_WORDS | SPAN_WORDS):
         other = "time"
     return other, increments

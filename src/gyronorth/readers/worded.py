@@ -24,7 +24,7 @@ from gyronorth.readers.titles import take_apart
 LOOKED_AT, MOST_LINES, REPEATS = 100, 24, 3
 #: Fewest numbers of a sample that have a name: three rates.
 FEWEST = 3
-_STAMP = rb"(?:\d{4}-\d\d-\d\d[T ])?\d\d:\d\d:\d\d[.,]\d+Z?"
+_STAMP = rb"(?:\d{4}-\d\d-\d\d[T ]|(?:\d{4}[-/])?\d{3}[T: ])?\d\d:\d\d:\d\d[.,]\d+Z?"
 _NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _VALUE = re.compile(rb"(?<![\w.^/-])(?:%b|%b)" % (_STAMP, _NUMBER))
 _AXIS = re.compile(r"[xyz]", re.IGNORECASE)

@@ -45,11 +45,11 @@ def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
     InputError
         If a folder holds no recording, nothing matches a pattern, or a list cannot be read.
     """
-    from gyronorth.readers import is_bag_folder
+    from gyronorth.readers import is_recording_folder
 
     given = [text for source in sources for text in _listed(os.fspath(source))]
     alone = Path(given[0]) if len(given) == 1 else None
-    base = alone if alone is not None and alone.is_dir() and not is_bag_folder(alone) else None
+    base = alone if alone is not None and alone.is_dir() and not is_recording_folder(alone) else None
     found: dict[str, Item] = {}
     for address in (address for text in given for address in _found(text)):
         name = address if base is None else str(Path(address).relative_to(base))
@@ -61,13 +61,13 @@ def recordings(sources: Iterable[str | os.PathLike[str]]) -> list[Item]:
 
 def names_one(source: str) -> bool:
     """Whether a source can be one recording only: neither folder nor pattern nor list."""
-    from gyronorth.readers import is_bag_folder, recordings_inside
+    from gyronorth.readers import is_recording_folder, recordings_inside
 
     if is_url(source):
         return _found(source) == [source]
     if os.path.exists(source):
         path = Path(source)
-        return is_bag_folder(path) if path.is_dir() else recordings_inside(path) == [path]
+        return is_recording_folder(path) if path.is_dir() else recordings_inside(path) == [path]
     return not (source.startswith("@") or glob.has_magic(source))
 
 
@@ -108,7 +108,7 @@ def _is_there(source: str) -> bool:
 
 def _found(source: str) -> list[str]:
     """Addresses of the recordings of one source."""
-    from gyronorth.readers import is_bag_folder, recordings_in, recordings_inside
+    from gyronorth.readers import is_recording_folder, recordings_in, recordings_inside
     from gyronorth.readers.registry import natural_order
 
     if is_local(source):
@@ -117,7 +117,7 @@ def _found(source: str) -> list[str]:
         return [source] if found == [path] else [Path(os.path.abspath(each)).as_uri() for each in found]
     if is_url(source):
         return urls_of(source)
-    if os.path.isdir(source) and not is_bag_folder(Path(source)):
+    if os.path.isdir(source) and not is_recording_folder(Path(source)):
         found = [str(path) for path in recordings_in(source) if not _is_ours(path)]
         if not found:
             raise InputError(f"{source} holds no recordings, only tables that were made of such. Check the path.")
@@ -125,7 +125,7 @@ def _found(source: str) -> list[str]:
     if os.path.exists(source) or not glob.has_magic(source):
         return [str(path) for path in recordings_inside(Path(source))] if os.path.isfile(source) else [source]
     matching = sorted(map(Path, glob.glob(source, recursive=True)), key=natural_order)
-    files = [path for path in matching if (not path.is_dir() or is_bag_folder(path)) and not _is_ours(path)]
+    files = [path for path in matching if (not path.is_dir() or is_recording_folder(path)) and not _is_ours(path)]
     if not files:
         raise InputError(f"No file matches {source}. Check the pattern; ** stands for folders of any depth.")
     return [str(each) for path in files for each in recordings_inside(path)]

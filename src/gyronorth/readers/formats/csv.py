@@ -23,12 +23,12 @@ import numpy as np
 
 from gyronorth.errors import InputError
 from gyronorth.readers.asking import columns_text
-from gyronorth.readers.columns import Chosen, by_numbers, by_titles, column_name, told
+from gyronorth.readers.columns import Chosen, by_numbers, by_numbers_of_titles, by_titles, is_bare, told
 from gyronorth.readers.evidence import is_whole
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.joining import joined
-from gyronorth.readers.kinds import is_uneven, kinds_of, reject_kinds, rows_of
+from gyronorth.readers.kinds import first_unit, is_uneven, kinds_of, reject_kinds, rows_of
 from gyronorth.readers.layout import TextLayout, sniff
 from gyronorth.readers.options import ReadOptions, choose_columns
 from gyronorth.readers.outgoing import RecordingStream
@@ -77,6 +77,7 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
         stated, usual = facts, _usual(preset)
     only = _only(preset, titles) or kinds_of(layout, path.name)
     parts = [take_apart(title, unit) for title, unit in zip_longest(titles, layout.units[: len(titles)], fillvalue="")]
+    only = only or first_unit(layout, parts)
     parts = _named(parts, "gyro") if only is not None and preset is None else _named_by_file(parts, path)
     of_rates = layout if only is None else rows_of(layout, only)
     chosen = _chosen(of_rates, parts, options, preset, path.name)
@@ -111,6 +112,7 @@ def open_layout(path: Path, options: ReadOptions) -> tuple[Source, TextLayout, L
              "accel": options.accel_unit or stated.accel_unit or usual.accel_unit or "unit open"}  # fmt: skip
     as_preset = "" if preset is None else f"{preset.title}; "
     read_as = as_preset + told(positions, names, units, clock.told if clock else "")
+    read_as += f"; the rows of {names[only[0]]} {only[1]} alone" if only is not None and not only[2] else ""
     read_as += f"; {', '.join(rows.turned)} with the sign turned" if rows.turned else ""
     words = f"; {layout.words()}" if layout.words() else ""
     # Lines begin at every other byte only, or some stand for no rows.
@@ -185,7 +187,7 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
         chosen = by_titles(layout, parts, options, preset)
         chosen = replace(chosen, columns=chosen.columns | declared)
         open_ = not any(ours in chosen.columns for ours in options.needed) and layout.rows
-        return (_by_numbers(layout, options, declared, name) or chosen) if open_ else chosen
+        return (by_numbers_of_titles(layout, options, name) or chosen) if open_ else chosen
     if all(ours in declared for ours in options.needed):
         return Chosen(declared)
     lead = f"{name} has no header: its row {layout.row + 1} is already numbers."
@@ -200,18 +202,6 @@ def _chosen(layout: TextLayout, parts: list[Title], options: ReadOptions, preset
         columns,
         questions=(Question(f"{lead} By its first rows {question.says}", ("--columns", columns_text(columns))),),
     )
-
-
-def _by_numbers(layout: TextLayout, options: ReadOptions, declared: dict[str, str | int], name: str) -> Chosen | None:
-    """What the numbers of a file say whose titles say nothing of a sensor; the user must agree."""
-    found = by_numbers(layout, options.needed)
-    if found is None or not set(found.columns) - set(RATES):  # three columns alone, of anything
-        return None
-    proposed = {ours: column_name(int(at), layout.titles) for ours, at in found.columns.items()}
-    columns = {**proposed, **declared}
-    titles = ", ".join(title[:20] for title in layout.titles[:8]) + (", ..." if len(layout.titles) > 8 else "")
-    says = f"No title of {name} is known: {titles}. By its first rows {found.questions[0].says}"
-    return Chosen(columns, questions=(Question(says, ("--columns", columns_text(columns)), certain=False),))
 
 
 def _counting(chosen: Chosen, layout: TextLayout, positions: Mapping[str, int], options: ReadOptions) -> Chosen:
@@ -305,7 +295,7 @@ def _named_by_file(parts: list[Title], path: Path) -> list[Title]:
 
 
 def _named(parts: list[Title], kind: str) -> list[Title]:
-    return [replace(part, kind=kind) if part.axis is not None and not part.words else part for part in parts]
+    return [replace(part, kind=kind) if part.axis is not None and is_bare(part) else part for part in parts]
 
 
 def _blocks(path: Path, layout: TextLayout, rows: Layout, columns: int) -> Iterator[Block]:

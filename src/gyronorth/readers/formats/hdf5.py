@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.readers.array_groups import of_groups
 from gyronorth.readers.arrays import Column, choose, columns_of, told_of
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
@@ -25,7 +26,7 @@ from gyronorth.readers.library import errors_translated, library
 from gyronorth.readers.mat5 import DEFLATE_RATIO, objects_refused
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.source import RATES, TIME, Block, Parts, Source, blocks_of, rows_block
+from gyronorth.readers.source import TIME, Block, Parts, Source, blocks_of, rows_block
 
 #: Where the signature may stand: at the start, or behind a block of the user's (MATLAB's text).
 SIGNATURE_OFFSETS = (0, 512, 1024, 2048)
@@ -60,11 +61,13 @@ def open_hdf5(path: Path, options: ReadOptions) -> Source:
     facts, ours = read_facts(texts, lambda key: f"Attribute {key} of {path.name}")
     if ours:
         options = replace(options, time_unit=options.time_unit or "s")
+    if (pair := of_groups(there, options, "/", partial(open_hdf5, path))) is not None:
+        return pair
     holds = ", ".join(list(dict.fromkeys(f"{column.array} ({column.rows} rows)" for column in there.values()))[:12])
     look = partial(_look, path)
     chosen = choose(there, singles, look, options, path.name, holds=holds, mark="/")
     columns = chosen.columns
-    count = columns[RATES[0]].rows
+    count = columns[options.needed[0]].rows
     found = chosen.stated
     facts = replace(
         facts,

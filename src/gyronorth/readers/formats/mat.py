@@ -63,6 +63,12 @@ def _source(content: bytes, options: ReadOptions, name: str) -> Source:
     objects = {title: each.kind.removeprefix(OBJECT).strip() for title, each in found.items() if OBJECT in each.kind}
     if objects and not any(math.prod(shape) > 1 for shape in shapes.values()):
         raise InputError(objects_refused(name, objects))
+    arrays = [title for title, each in found.items() if each.kind == "struct" and math.prod(each.shape) > 1]
+    if arrays and not any(math.prod(shape) > 1 for shape in shapes.values()):
+        raise InputError(
+            f"{name} holds {listed}: {arrays[0]} is a struct for each sample, which is not read. In MATLAB: "
+            f"load('{name}'); writetable(struct2table({arrays[0]}), 'imu.csv'); then read imu.csv."
+        )
     return held_source("mat", name, _Matrices(content, found, name), shapes, options, holds=listed)
 
 

@@ -6,35 +6,26 @@ signature with the keys of the CSV's comment lines.
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError
-from gyronorth.readers.asking import ask
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.formats.csv import open_csv
 from gyronorth.readers.imu_message import IMU_TYPES
-from gyronorth.readers.json_table import leaves_of, parsed, table_of
 from gyronorth.readers.library import check_whole, errors_translated, library
-from gyronorth.readers.lines import spooled
+from gyronorth.readers.message_table import OwnTopic, choose_own, json_objects, own_source, table_source
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, ros_messages, ros_texts, topics_source
 from gyronorth.readers.source import Question, Source
-from gyronorth.readers.titles import take_apart
-from gyronorth.recording import Note
 
 _CURE = "If it was recorded until power was lost: mcap recover IN.mcap -o OUT.mcap"
-#: Messages of JSON that are written as a table at a time.
-BATCH = 4096
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -54,11 +45,14 @@ def open_mcap(path: Path, options: ReadOptions) -> Source:
             }
             counts = summary.statistics.channel_message_counts
             times = summary.statistics.message_start_time, summary.statistics.message_end_time
-    if (topic := _json_topic(channels, options, path.name)) is not None:
-        return _of_json(path, topic, partial(_messages, path, topic, indexed, None, None), options)
-    if options.columns:
-        raise InputError(f"columns does not apply to {path.name}: its messages name their own fields.")
+    topic, questions = _json_topic(channels, options, path.name)
+    if topic is not None:
+        of_json = partial(json_objects, partial(_messages, path, topic, indexed, None, None), path.name)
+        source = table_source(path, "mcap", topic, "JSON", of_json, options)
+        return replace(source, questions=(*questions, *source.questions))
     topics, encodings, other = _topics(channels, counts)
+    if (own := choose_own(_own(channels, path, indexed), options, path.name, of_imu=bool(topics))) is not None:
+        return own_source(path, "mcap", own, options)
     facts = None
     if texts is not None:
         facts, _ = read_facts(texts, lambda _key: f"Metadata record {SIGNATURE[1]} of {path.name}")
@@ -137,51 +131,36 @@ def _topics(
     return topics, encodings, other
 
 
-def _json_topic(channels: dict[int, tuple[Any, Any]], options: ReadOptions, name: str) -> str | None:
-    """The topic of JSON messages that is read: the one declared, or the only one where no Imu message is of ROS."""
+def _own(channels: dict[int, tuple[Any, Any]], path: Path, indexed: bool) -> list[OwnTopic]:
+    """The topics of messages of a driver's own whose definitions the file holds."""
+    found = {}
+    for channel, schema in channels.values():
+        if schema is None or schema.name in IMU_TYPES or channel.message_encoding not in ("cdr", "ros1"):
+            continue
+        text = schema.data.decode("utf-8", "replace") if schema.encoding in ("ros2msg", "ros1msg") else ""
+        messages = partial(_messages, path, channel.topic, indexed, None, None)
+        found[channel.topic] = OwnTopic(channel.topic, schema.name, text, channel.message_encoding == "cdr", messages)
+    return list(found.values())
+
+
+def _json_topic(
+    channels: dict[int, tuple[Any, Any]], options: ReadOptions, name: str
+) -> tuple[str | None, tuple[Question, ...]]:
+    """The topic of JSON messages that is read: the one declared, or the likeliest where no Imu message is of ROS."""
     kinds = {channel.topic: schema.name if schema else "" for channel, schema in channels.values()}
     texts = [channel.topic for channel, _ in channels.values() if channel.message_encoding == "json"]
     if options.topic is not None:
-        return options.topic if options.topic in texts else None
+        return options.topic if options.topic in texts else None, ()
     if not texts or any(kind in IMU_TYPES for topic, kind in kinds.items() if topic not in texts):
-        return None
+        return None, ()
     found = [topic for topic in texts if kinds[topic] in IMU_TYPES]
     found = (
         found or [topic for topic in texts if re.search("imu|inertial", topic + kinds[topic], re.IGNORECASE)] or texts
     )
-    if len(found) > 1:
-        says = (
-            f"{name} has {len(found)} topics of JSON that may be an IMU: {', '.join(found[:12])}. Which one is meant?"
-        )
-        raise ask(name, options, [Question(says, ("--topic", found[0]), certain=False)])
-    return found[0]
-
-
-def _of_json(
-    path: Path, topic: str, messages: Callable[[], Iterator[tuple[int, bytes]]], options: ReadOptions
-) -> Source:
-    """Messages of JSON as a table, with the recorder's time where they carry none of their own."""
-    timed = False
-    with errors_translated(path.name, "MCAP file", _CURE):
-        head = json.loads(next(iter(messages()), (0, b"{}"))[1])
-        timed = any(take_apart(title).kind == "time" for title, _ in leaves_of(head))
-
-    def parts() -> Iterator[list[Any]]:
-        there = messages()
-        while batch := list(islice(there, BATCH)):
-            objects = parsed(b"[%b]" % b",".join(data for _, data in batch), path.name)
-            yield objects if timed else [
-                {"log_time (ns)": at} | one if isinstance(one, dict) else one
-                for (at, _), one in zip(batch, objects, strict=True)
-            ]  # fmt: skip
-
-    table = spooled(path, table_of(parts(), path.name))
-    source = open_csv(table.path, replace(options, topic=None, variable=None))
-    notes = () if timed else (Note("log_time_used", f"The messages of {topic} carry no time: the recorder's is used."),)
-    return replace(
-        source, format="mcap", name=path.name, topic=topic, ours=False, parts=None, held=table,
-        notes=(*source.notes, *notes), read_as=f"{topic} (JSON); {source.read_as}".removesuffix("; "),
-    )  # fmt: skip
+    if len(found) == 1:
+        return found[0], ()
+    says = f"{name} has {len(found)} topics of JSON that may be an IMU: {', '.join(found[:12])}. Which one is meant?"
+    return found[0], (Question(says, ("--topic", found[0]), certain=False),)
 
 
 def _is_cdr(encodings: set[str], topic: str, profile: str, name: str) -> bool:

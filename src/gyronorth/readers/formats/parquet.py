@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gyronorth.errors import InputError
 from gyronorth.readers.arrays import COMPARED, first_rows
 from gyronorth.readers.budget import check_claim
-from gyronorth.readers.columns import Chosen, by_titles, told, without_sign
+from gyronorth.readers.columns import Chosen, by_numbers_of_titles, by_titles, told, without_sign
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.formats.csv import with_titles
@@ -105,8 +105,12 @@ def _by_titles(path: Path, schema: Any, options: ReadOptions) -> tuple[Chosen, T
             for i, field in enumerate(schema)
         ]
     first = first_rows(tuple(schema.names), values)
-    parts = [take_apart(title) for title in schema.names]
-    return without_sign(by_titles(first, parts, options, None), path.name), first
+    types = library("pyarrow.types", path.name, "Parquet")
+    # Dates and times are read as seconds, whatever their titles say.
+    parts = [take_apart(field.name, "s" if types.is_timestamp(field.type) else "") for field in schema]
+    chosen = without_sign(by_titles(first, parts, options, None), path.name)
+    open_ = not any(ours in chosen.columns or ours in (options.columns or ()) for ours in options.needed)
+    return (by_numbers_of_titles(first, options, path.name) or chosen) if open_ else chosen, first
 
 
 def _clock(

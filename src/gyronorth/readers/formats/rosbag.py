@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
@@ -20,9 +20,10 @@ from gyronorth.readers.facts import read_facts
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.imu_message import IMU_TYPES
 from gyronorth.readers.library import errors_translated, library
+from gyronorth.readers.message_table import OwnTopic, choose_own, own_source
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.ros import TOPIC, ImuTopic, first_stamp, ros_messages, ros_texts, topics_source
+from gyronorth.readers.ros import TOPIC, ImuTopic, Messages, first_stamp, ros_messages, ros_texts, topics_source
 from gyronorth.readers.source import Facts, Source
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 #: Messages of a database alone that are counted topic by topic, a quarter of a second; of more, some are drawn.
 MOST_COUNTED = 1 << 19
-_FACTS_TOPIC = "/gyronorth/recording"
+_FACTS_TOPIC, _STRING = "/gyronorth/recording", "std_msgs/msg/String"
 _CURES = {
     "rosbag1": "If it was recorded until power was lost: rosbag reindex FILE.bag",
     "rosbag2": "If it was recorded until power was lost: ros2 bag reindex FOLDER",
@@ -50,7 +51,15 @@ def open_rosbag1(path: Path, options: ReadOptions) -> Source:
         found = [(each.topic, each.msgtype, counts[each.id]) for each in reader.connections]
         times = int(reader.start_time), int(reader.end_time) - 1
         facts = _facts(reader, path.name)
+        definitions = {each.topic: each.msgdef.data for each in reader.connections}
     topics, other = _counted_topics(found)
+    own = [
+        OwnTopic(topic, kind, definitions[topic], False, partial(_messages, path, "rosbag1", topic, None, None))
+        for topic, kind, _ in found
+        if kind not in (*IMU_TYPES, _STRING)
+    ]
+    if (chosen := choose_own(own, options, path.name, of_imu=bool(topics))) is not None:
+        return own_source(path, "rosbag1", chosen, options)
 
     def make(topic: str) -> ImuTopic:
         return ImuTopic(topic, topics[topic], *times, False, partial(_messages, path, "rosbag1", topic))
@@ -71,7 +80,7 @@ def write_rosbag1(outgoing: RecordingStream, path: Path) -> None:
     path.unlink(missing_ok=True)  # the library makes the file itself
     with writing.Writer(path) as writer:
         imu = writer.add_connection(TOPIC, IMU_TYPES[1], typestore=store)
-        text = writer.add_connection(_FACTS_TOPIC, "std_msgs/msg/String", typestore=store)
+        text = writer.add_connection(_FACTS_TOPIC, _STRING, typestore=store)
         stamp, counted = start, 0
         for stamps, messages in ros_messages(outgoing, start, cdr=False):
             for stamp, message in zip(stamps, messages, strict=True):
@@ -115,12 +124,19 @@ def _open_folder(path: Path, options: ReadOptions) -> Source:
         databases = [] if reader.compression_format else listed
         for database in databases:
             _check_whole(database)
+        stated = {each.msgtype: each.msgdef.data for each in reader.connections if each.msgdef.format.name == "MSG"}
     topics, other = _counted_topics(found)
 
-    def make(topic: str) -> ImuTopic:
+    def messages(topic: str) -> Messages:
         stored = partial(_from_databases, path.name, databases, topic)
-        messages = stored if databases else partial(_messages, path, "rosbag2", topic)
-        return ImuTopic(topic, topics[topic], *times, True, messages)
+        return stored if databases else partial(_messages, path, "rosbag2", topic)
+
+    own = _own(found, stated | _definitions(path.name, databases), messages)
+    if (chosen := choose_own(own, options, path.name, of_imu=bool(topics))) is not None:
+        return own_source(path, "rosbag2", chosen, options)
+
+    def make(topic: str) -> ImuTopic:
+        return ImuTopic(topic, topics[topic], *times, True, messages(topic))
 
     return topics_source(path.name, "rosbag2", topics, other, make, options)
 
@@ -135,11 +151,18 @@ def _open_database(path: Path, options: ReadOptions) -> Source:
         start, stop = (_end(database, path.name, which) for which in ("MIN", "MAX"))
         exact = total <= MOST_COUNTED or len(names) == 1
         counts = _counted(database) if total <= MOST_COUNTED else _drawn(database, total)
-    topics, other = _counted_topics([(name, kind, counts.get(number, 0)) for number, name, kind in names])
+    found = [(name, kind, counts.get(number, 0)) for number, name, kind in names]
+    topics, other = _counted_topics(found)
+
+    def messages(topic: str) -> Messages:
+        return partial(_from_databases, path.name, [path], topic)
+
+    own = _own(found, _definitions(path.name, [path]), messages)
+    if (chosen := choose_own(own, options, path.name, of_imu=bool(topics))) is not None:
+        return own_source(path, "rosbag2", chosen, options)
 
     def make(topic: str) -> ImuTopic:
-        messages = partial(_from_databases, path.name, [path], topic)
-        return ImuTopic(topic, topics[topic], start or 0, stop or 0, True, messages, exact=exact)
+        return ImuTopic(topic, topics[topic], start or 0, stop or 0, True, messages(topic), exact=exact)
 
     return topics_source(path.name, "rosbag2", topics, other, make, options)
 
@@ -151,6 +174,29 @@ def _counted_topics(found: list[tuple[str, str, int]]) -> tuple[dict[str, int], 
         if kind in IMU_TYPES:
             topics[topic] = topics.get(topic, 0) + count
     return topics, [f"{topic} ({kind})" for topic, kind, _ in found if kind not in IMU_TYPES]
+
+
+def _own(
+    found: list[tuple[str, str, int]], definitions: dict[str, str], messages: Callable[[str], Messages]
+) -> list[OwnTopic]:
+    """The topics of messages of a driver's own, from (topic, type, messages) and the definitions of types."""
+    return [
+        OwnTopic(topic, kind, definitions.get(kind, ""), True, partial(messages(topic), None, None))
+        for topic, kind, _ in found
+        if kind not in IMU_TYPES
+    ]
+
+
+def _definitions(name: str, databases: list[Path]) -> dict[str, str]:
+    """The definitions in .msg form that databases hold by type; bags of ROS 2 Humble and before have none."""
+    found: dict[str, str] = {}
+    query = "SELECT topic_type, encoded_message_definition FROM message_definitions WHERE encoding = 'ros2msg'"
+    with _connected(name, databases) as opened:
+        for database in opened:
+            table = "SELECT type FROM sqlite_master WHERE name = 'message_definitions'"
+            if database.execute(table).fetchone() == ("table",):
+                found |= dict(_rows(database, name, (str, str), query))
+    return found
 
 
 def _facts(reader: Any, name: str) -> Facts | None:

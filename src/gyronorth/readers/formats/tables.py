@@ -24,6 +24,8 @@ from gyronorth.readers.source import Source
 from gyronorth.readers.titles import take_apart
 
 MAGIC = b"ARROW1"
+#: How a stream of Arrow begins (a continuation mark), and an ORC file.
+STREAM, ORC = b"\xff\xff\xff\xff", b"ORC"
 #: Columns have points and slashes in their names, which are no paths.
 MARK = "$"
 #: Most fields of a struct, and most values of a list: more is no triad.
@@ -31,7 +33,21 @@ MOST_PARTS = 16
 
 
 def open_feather(path: Path, options: ReadOptions) -> Source:
-    """Open a Feather file (version 2, an Arrow file)."""
+    """Open a Feather file (version 2, an Arrow file), a stream of Arrow, or an ORC file."""
+    with path.open("rb") as file:
+        head = file.read(len(MAGIC))
+    if head.startswith(ORC):
+        orc = library("pyarrow.orc", path.name, "ORC")
+        with errors_translated(path.name, "ORC file"):
+            table = orc.read_table(str(path))
+            check_claim(path.name, "its table", table.nbytes, path.stat().st_size)
+        return table_source("feather", path.name, table, options)
+    if head.startswith(STREAM):
+        ipc = library("pyarrow.ipc", path.name, "Arrow")
+        with errors_translated(path.name, "stream of Arrow"), ipc.open_stream(str(path)) as stream:
+            table = stream.read_all()
+            check_claim(path.name, "its table", table.nbytes, path.stat().st_size)
+        return table_source("feather", path.name, table, options)
     check_whole(path, MAGIC, what="Feather", cut_off="its index, at the end, is missing.")
     feather = library("pyarrow.feather", path.name, "Feather")
     with errors_translated(path.name, "Feather file"):
@@ -101,6 +117,6 @@ def _is_text(types: Any, kind: Any) -> bool:
 FORMAT = Format(
     format_info("feather"),
     open_feather,
-    recognises=lambda head: head.startswith(MAGIC),
+    recognises=lambda head: head.startswith((MAGIC, ORC)),
     foreign=("pyarrow.feather", "pyarrow.types"),
 )
