@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -10,7 +12,8 @@ from still import LATITUDE, still
 
 import gyronorth
 from gyronorth import InputError
-from gyronorth.errors import number
+from gyronorth.deviation import fit_deviation
+from gyronorth.given import number
 
 GYRO, ACCEL = still(120)
 MASKED = np.ma.MaskedArray(GYRO, mask=np.arange(len(GYRO))[:, None] == 5 * np.ones(3))
@@ -92,3 +95,95 @@ def test_a_number_is_any_real_one():
 def test_turn_angles_are_numbers(value):
     with pytest.raises(InputError, match="expected"):
         of_one(turn_angles=value)
+
+
+RECORDING = gyronorth.Recording(GYRO, ACCEL, 1.0, latitude=LATITUDE)
+TRUTH = np.linspace(0.0, 6.0, 8)
+#: Public function -> its arguments that make sense; of these, the numbers are spoilt.
+USES: dict[str, tuple[Callable[..., Any], dict[str, Any], tuple[str, ...]]] = {
+    "simulate": (
+        gyronorth.simulate,
+        {"sensor": "stim300", "latitude": 0.5, "heading": 0.0, "duration": 5.0, "rate_hz": 1.0,
+         "rng": np.random.default_rng(1), "roll": 0.0, "pitch": 0.0},
+        ("latitude", "heading", "duration", "rate_hz", "roll", "pitch"),
+    ),
+    "Motion": (lambda angle: gyronorth.Motion(turns=((0.0, 1.0, angle),)), {"angle": 1.0}, ("angle",)),
+    "plan": (
+        lambda time, **more: gyronorth.plan("stim300", durations=[time, 9.0], **more),
+        {"latitude": 0.5, "time": 5.0},
+        ("latitude", "time"),
+    ),
+    "plan_turns": (
+        gyronorth.plan_turns,
+        {"sensor": "stim300", "latitude": 0.5, "turns": 1, "still_duration": 9.0, "turn_duration": 2.0},
+        ("latitude", "turns", "still_duration", "turn_duration"),
+    ),
+    "calibrate": (gyronorth.calibrate, {"recordings": [RECORDING] * 7, "latitude": LATITUDE}, ()),
+    "fit_deviation": (
+        lambda first, **more: fit_deviation([first, *TRUTH[1:]], TRUTH / 100, TRUTH + np.sin(TRUTH) / 9, **more),
+        {"first": 0.0, "latitude": 0.5, "duration": 9.0},
+        ("first", "latitude", "duration"),
+    ),
+    "allan_deviation": (
+        lambda tau, **more: gyronorth.allan_deviation(GYRO[:, 0], taus=[tau, 3.0], **more),
+        {"rate_hz": 1.0, "tau": 2.0},
+        ("rate_hz", "tau"),
+    ),
+    "convergence": (gyronorth.convergence, {"recording": RECORDING, "points": 3}, ("points",)),
+    "ReadOptions": (
+        gyronorth.ReadOptions,
+        {"rate_hz": 1.0, "latitude": 0.5, "gyro_scale": 1.0, "accel_scale": 1.0, "accel_range_g": 10.0,
+         "increments": True, "increment_interval": 0.1},
+        ("rate_hz", "latitude", "gyro_scale", "accel_scale", "accel_range_g", "increment_interval"),
+    ),
+    "heading_many": (
+        lambda step, **more: list(gyronorth.heading_many([], windows=(9.0, step), **more)),
+        {"step": 1.0, "latitude": 0.5},
+        ("step", "latitude"),
+    ),
+}  # fmt: skip
+SPOILT = [*NO_NUMBERS, float("nan"), float("inf"), Decimal(1), np.ma.masked, np.timedelta64(1, "s"), None, {}, object()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", USES)
+def test_every_number_of_every_public_function_is_checked(name):
+    use, given, numbers = USES[name]
+    if name != "calibrate":  # one recording seven times
+        use(**given)
+    for argument in numbers:
+        for value in SPOILT:
+            if value is None and name in ("ReadOptions", "fit_deviation", "heading_many") and argument != "first":
+                continue
+            if argument == "accel_range_g" and isinstance(value, float):
+                continue
+            with pytest.raises(InputError, match=r"expected|allows"):
+                use(**given | {argument: value})
+
+
+@pytest.mark.parametrize("value", [5, "ab", True, [None], np.ones(2), object()], ids=repr)
+@pytest.mark.parametrize(
+    ("name", "argument"),
+    [("simulate", "rng"), ("simulate", "motion"), ("calibrate", "recordings"), ("convergence", "recording"),
+     ("fit_deviation", "prior"), ("ReadOptions", "columns"), ("ReadOptions", "window"), ("ReadOptions", "needed")],
+)  # fmt: skip
+def test_an_object_of_another_kind_is_refused(name, argument, value):
+    use, given, _ = USES[name]
+    with pytest.raises(InputError, match="expected"):
+        use(**given | {argument: value})
+
+
+@pytest.mark.parametrize("use", [gyronorth.read, gyronorth.read_deviation, gyronorth.read_sensor])
+@pytest.mark.parametrize("value", [5, None, b"x", ["x"], "a\0b"], ids=repr)
+def test_a_path_is_a_text_or_a_path(use, value):
+    with pytest.raises(InputError, match=r"expected|no sensor"):
+        use(value)
+    with pytest.raises(InputError, match="expected"):
+        gyronorth.write(RECORDING, value)
+
+
+def test_masked_values_in_lists_are_refused():
+    with pytest.raises(InputError, match="3 masked values"):
+        gyronorth.heading_batch([MASKED[:60], MASKED[60:]], rate_hz=1.0, latitude=LATITUDE)
+    with pytest.raises(InputError, match="3 masked values"):
+        of_one(gyro=list(MASKED))

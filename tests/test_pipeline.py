@@ -376,7 +376,7 @@ def test_earth_rate_in_the_json_is_in_deg_per_hour():
         ({"gyro_b": np.zeros((2, 0, 3))}, "at least one recording"),
         ({"latitude": 32.11}, r"32.11 rad, 1839.77 deg; a value in \[-90, 90\]"),
         ({"latitude": np.nan}, "The latitude is nan"),
-        ({"rate_hz": 0.0}, "The rate is 0 Hz"),
+        ({"rate_hz": 0.0}, "rate_hz is 0 Hz"),
     ],
 )
 def test_batch_that_cannot_be_worked_is_an_error(change, message):

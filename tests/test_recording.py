@@ -78,7 +78,7 @@ def test_without_bias_subtracts_it():
         ({"rate_hz": 0.0}, "rate_hz is 0"),
         ({"rate_hz": np.nan}, "rate_hz is nan"),
         ({"rate_hz": 1e9}, "rate_hz is 1e"),
-        ({"latitude": 32.11}, "latitude is 1839.77 deg"),
+        ({"latitude": 32.11}, "latitude is 32.11 rad, 1839.77 deg"),
         ({"latitude": np.nan}, "latitude is nan"),
         ({"heading_true": np.inf}, "heading_true is inf"),
         ({"start_time_utc": "yesterday"}, "start_time_utc is 'yesterday'"),

@@ -13,6 +13,7 @@ from gyronorth.angles import angle_error, cyclic_rmse
 from gyronorth.arrays import Array
 from gyronorth.deviation import FEWEST, DeviationModel, fit_deviation, rate_surplus
 from gyronorth.errors import InputError
+from gyronorth.given import of_kind
 from gyronorth.recording import LATITUDE_CONFLICT, Recording
 
 
@@ -70,6 +71,9 @@ def calibrate(recordings: Sequence[Recording], *, latitude: float | None = None)
     InputError
         If a recording has no true heading or latitude, sessions differ, or there are too few.
     """
+    of_kind("recordings", recordings, Sequence, "a list of recordings")
+    for recording in recordings:
+        of_kind("One of recordings", recording, Recording, "a Recording")
     if len(recordings) < FEWEST + 1:
         raise InputError(
             f"A deviation curve that can be cross-validated needs at least {FEWEST + 1} recordings at known headings; "

@@ -28,6 +28,7 @@ from gyronorth.angles import angle_error, wrap_heading
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.files import read_bounded, write_text
+from gyronorth.given import checked_latitude, checked_path, finite, numbers, of_kind
 
 #: Session of a model that its user applies to any recording of the unit.
 ANY_SESSION = "*"
@@ -157,7 +158,7 @@ def read_deviation(path: str | Path) -> DeviationModel:
     """
     from gyronorth.deviation_document import LARGEST  # as below
 
-    path = Path(path)
+    path = checked_path("path", path)
     return deviation_of(read_bounded(path, LARGEST), where=str(path))
 
 
@@ -187,7 +188,10 @@ def deviation_of(content: bytes, *, where: str) -> DeviationModel:
 
 def rate_surplus(rate_l: ArrayLike, latitude: float) -> NDArray[np.float64]:
     """Horizontal mean rate over the expected one, minus one: (...), from levelled mean rates (..., 3), rad/s."""
-    rate_l = np.asarray(rate_l, dtype=float)
+    rate_l = numbers("rate_l", rate_l, "(..., 3)")
+    latitude = checked_latitude(latitude)
+    if rate_l.shape[-1:] != (3,):
+        raise InputError(f"rate_l has shape {rate_l.shape}; (..., 3) is expected.")
     return np.hypot(rate_l[..., 0], rate_l[..., 1]) / (EARTH_RATE * np.cos(latitude)) - 1
 
 
@@ -226,7 +230,14 @@ def fit_deviation(
     freedom it is the log marginal likelihood (Rasmussen and Williams, "Gaussian Processes for
     Machine Learning", 2006, eq. 2.30). The weight is its exponential times the prior.
     """
-    heading, surplus, truth = (np.atleast_1d(np.asarray(a, float)) for a in (heading, surplus, heading_true))
+    of_kind("prior", prior, DeviationPrior, "a DeviationPrior")
+    duration = None if duration is None else finite("duration", duration, "s", positive=True)
+    latitude = None if latitude is None else checked_latitude(latitude)
+    given = {"heading": heading, "surplus": surplus, "heading_true": heading_true}
+    heading, surplus, truth = (np.atleast_1d(numbers(name, each, "(n,)")) for name, each in given.items())
+    for name, each in zip(given, (heading, surplus, truth), strict=True):
+        if each.shape != (len(heading),) or not np.isfinite(each).all():
+            raise InputError(f"{name} has shape {each.shape}; one finite number for each recording is expected.")
     if len(heading) < FEWEST:
         raise InputError(
             f"{len(heading)} recordings of known heading came in; a deviation needs at least {FEWEST}. Record more."
@@ -234,6 +245,8 @@ def fit_deviation(
     error = angle_error(heading, truth)
     scale = np.sqrt(np.mean(error**2)) + 1e-12  # the addend keeps a perfect set of recordings from dividing by 0
     settings, log_prior = _ensemble(prior, scale)
+    if not error.any():
+        raise InputError("heading and heading_true agree to the last digit: there is no deviation to be fitted.")
     precision, evidence = evidence_bound(
         heading, surplus, error, settings, np.ones((1, len(error))), prior.dof, ROUNDS[0]
     )

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from contextlib import suppress
-from numbers import Real
-from typing import Any
 
 
 class InputError(ValueError):
@@ -14,26 +11,6 @@ class InputError(ValueError):
 
     The message says what came in, what was expected, the likely cause and the cure.
     """
-
-
-def number(what: str, value: Any) -> float:
-    """A real number that a caller gave, alone or as an array without dimensions.
-
-    Raises
-    ------
-    InputError
-        If it is anything else: a text, true or false, a complex number, several numbers, more than a double holds.
-
-    Examples
-    --------
-    >>> number("The rate", 10)
-    10.0
-    """
-    single = value.item() if getattr(value, "ndim", None) == 0 else value
-    if not isinstance(single, bool) and isinstance(single, Real):
-        with suppress(OverflowError):
-            return float(single)
-    raise InputError(f"{what} is {value!r:.80}; a number is expected.")
 
 
 #: Control characters but the line feed, and those that turn the direction of a text.

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array
 from gyronorth.attitude import Orientation, orientation
-from gyronorth.errors import InputError, number
+from gyronorth.errors import InputError
 from gyronorth.findings import Check, Finding
+from gyronorth.given import number
 
 #: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
 Fitness = Literal["aligning", "degraded", "valid", "invalid"]

@@ -18,9 +18,10 @@ from gyronorth.alignment.registry import Options
 from gyronorth.arrays import Array
 from gyronorth.catalogue import REASONS
 from gyronorth.conditioning import decimated
-from gyronorth.errors import InputError, number
+from gyronorth.errors import InputError
 from gyronorth.estimate import Convergence, HeadingBatch, HeadingEstimate
-from gyronorth.recording import LARGEST_SAMPLE, Recording, real_samples
+from gyronorth.given import checked_latitude, checked_path, finite, number, numbers, of_kind
+from gyronorth.recording import LARGEST_SAMPLE, Recording
 from gyronorth.sensor import Sensor, read_sensor
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 METHODS = tuple(registry.METHODS)
 #: Recordings of a batch are worked in groups of about this many samples, to bound memory.
 GROUP_SAMPLES = 1_500_000
+#: Times of `convergence`, at most.
+MOST_POINTS = 10_000
 
 
 def heading(
@@ -198,12 +201,14 @@ def _parts_of(gyro_b: Any, accel_b: Any) -> Iterator[tuple[Any, Any]]:
         each = cast("Iterator[Any]", gyro_b)
         parts = ((part, None) for part in each) if accel_b is None else zip_longest(each, accel_b, fillvalue=())
     for gyro, accel in parts:
-        yield _sliceable(gyro), None if accel is None else _sliceable(accel)
+        yield _sliceable("gyro_b", gyro), None if accel is None else _sliceable("accel_b", accel)
 
 
-def _sliceable(array: Any) -> Any:
+def _sliceable(name: str, array: Any) -> Any:
     """An array, or what is read in slices like one, as a dataset of h5py."""
-    return array if all(hasattr(array, name) for name in ("ndim", "shape", "size", "dtype")) else np.asarray(array)
+    if all(hasattr(array, each) for each in ("ndim", "shape", "size", "dtype")):
+        return array
+    return numbers(name, array, "(recordings, samples, 3)")
 
 
 def _batches(
@@ -222,13 +227,11 @@ def _batches(
             f"gyro_b has shape {gyro.shape}, accel_b {None if accel is None else accel.shape}; "
             "(recordings, samples, 3) is expected of both."
         )
-    rate_hz = number("rate_hz", rate_hz)
-    if not 0 < rate_hz < np.inf:
-        raise InputError(f"The rate is {rate_hz:g} Hz; a positive number is expected.")
+    rate_hz = finite("rate_hz", rate_hz, "Hz", positive=True)
     for name, array in (("gyro_b", gyro), ("accel_b", accel)):
         if array is not None and array.size == 0:
             raise InputError(f"{name} has shape {array.shape}; at least one recording with samples is expected.")
-    _check_latitude(latitude)
+    latitude = checked_latitude(latitude)
     options = _options(model, None, None)
     _check_session(method, options)
     group = max(1, GROUP_SAMPLES // gyro.shape[1])
@@ -260,6 +263,10 @@ def convergence(
     points : int
         Number of times, evenly spaced in the logarithm from 5 s, or a twentieth, to the end.
     """
+    of_kind("recording", recording, Recording, "a Recording")
+    points = round(finite("points", points, "times", positive=True))
+    if points > MOST_POINTS:
+        raise InputError(f"points is {points}; at most {MOST_POINTS} are expected.")
     slow = decimated(recording, min(10.0, recording.rate_hz))
     times = np.geomspace(min(5.0, slow.duration / 20), slow.duration, points)
     counts = np.unique(np.maximum(2, np.round(times * slow.rate_hz).astype(int)))
@@ -319,16 +326,15 @@ def _options(
     deviation: DeviationModel | None,
     turn_angle_sigma: float | None = None,
 ) -> Options:
-    if turn_angles is not None and not hasattr(turn_angles, "__iter__"):
+    if turn_angles is not None and (not hasattr(turn_angles, "__iter__") or getattr(turn_angles, "ndim", 1) == 0):
         raise InputError(f"turn_angles is {turn_angles!r:.80}; a sequence of angles in rad is expected.")
     angles = None if turn_angles is None else tuple(number("A turn angle", angle) for angle in turn_angles)
     if turn_angle_sigma is not None:
         turn_angle_sigma = number("The sigma of the turn angles", turn_angle_sigma)
-    if model is not None and not hasattr(model, "__fspath__") and not hasattr(model, "encode"):
-        raise InputError(f"model is {model!r:.80}; the folder of a bundle is expected.")
+    bundle = None if model is None else checked_path("model", model)
     if deviation is not None and not hasattr(deviation, "covers"):
         raise InputError(f"deviation is {deviation!r:.80}; a curve is expected, as `read_deviation` gives it.")
-    return Options(None if model is None else Path(model), angles, turn_angle_sigma, deviation)
+    return Options(bundle, angles, turn_angle_sigma, deviation)
 
 
 def _check_session(method: str, options: Options) -> None:
@@ -343,18 +349,9 @@ def _check_session(method: str, options: Options) -> None:
         )
 
 
-def _check_latitude(latitude: float) -> None:
-    latitude = number("The latitude", latitude)
-    if not abs(latitude) <= np.pi / 2:
-        raise InputError(
-            f"The latitude is {latitude:g} rad, {np.degrees(latitude):g} deg; a value in [-90, 90] deg, given in rad, "
-            "is expected."
-        )
-
-
 def _finite(name: str, array: NDArray[Any], start: int, count: int) -> Array:
     """Some recordings of a batch as doubles."""
-    part = real_samples(name, array[start : start + count], "(recordings, samples, 3)")
+    part = numbers(name, array[start : start + count], "(recordings, samples, 3)")
     if not (abs(part) <= LARGEST_SAMPLE).all():  # nor is NaN
         run, sample, axis = np.argwhere(~(abs(part) <= LARGEST_SAMPLE))[0]
         raise InputError(

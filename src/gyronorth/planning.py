@@ -13,6 +13,7 @@ from gyronorth.alignment.gates import WIDEST_HALF_WIDTH
 from gyronorth.alignment.turned.bound import turned_sigma
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
+from gyronorth.given import checked_latitude, finite, number, numbers
 from gyronorth.sensor import Sensor, read_sensor
 from gyronorth.uncertainty import heading_sigma_parts, von_mises
 
@@ -20,6 +21,8 @@ Method = Literal["mean", "inertial"]
 
 #: Times that are considered at all, s: one second to one day.
 SHORTEST, LONGEST = 1.0, 86400.0
+#: Times that may be asked for, s: thirty years.
+LONGEST_PLAN = 1e9
 #: Waiting is useless once sigma is this near its least value.
 NEAR_ENOUGH = 1.05
 #: Most turns that a plan goes through.
@@ -111,11 +114,14 @@ def plan(
     1000 s unless the profile says otherwise. A plan of hours leans on that.
     """
     sensor = read_sensor(sensor)
-    if not abs(latitude) <= np.pi / 2:
-        raise InputError(f"The latitude is {np.degrees(latitude):g} deg; -90 to 90 deg (in rad inside) is expected.")
-    duration = _default_durations() if durations is None else np.atleast_1d(np.asarray(durations, dtype=float))
+    latitude = checked_latitude(latitude)
+    if not isinstance(method, str) or method not in ("mean", "inertial"):
+        raise InputError(f"method is {method!r:.80}; mean or inertial is expected.")
+    duration = _default_durations() if durations is None else np.atleast_1d(numbers("durations", durations, "(k,)"))
     if duration.ndim != 1 or len(duration) == 0 or not (np.isfinite(duration) & (duration > 0)).all():
-        raise InputError(f"durations is {durations}; a list of positive times in s is expected.")
+        raise InputError(f"durations is {durations!r:.80}; a list of positive times in s is expected.")
+    if duration.max() > LONGEST_PLAN:
+        raise InputError(f"durations has {duration.max():g} s; at most {LONGEST_PLAN:g} s are expected.")
 
     parts = heading_sigma_parts(sensor, latitude=latitude, duration=duration, method=method)
     sigma, half_width = von_mises(1 / _square(parts))
@@ -129,7 +135,7 @@ def plan(
     by_latitude = heading_sigma_parts(sensor, latitude=latitudes[:, None], duration=duration, method=method)
     return Plan(
         sensor=sensor,
-        latitude=float(latitude),
+        latitude=latitude,
         method=method,
         duration=duration,
         parts=parts,
@@ -200,24 +206,29 @@ def plan_turns(
     InputError
         If the number of turns is not 1 to `MOST_TURNS`.
     """
-    if not 1 <= turns <= MOST_TURNS:
+    latitude = checked_latitude(latitude)
+    if number("turns", turns) not in range(1, MOST_TURNS + 1):
         raise InputError(f"{turns} turns were asked for; 1 to {MOST_TURNS} are expected.")
+    still_duration = finite("still_duration", still_duration, "s", positive=True)
+    turn_duration = finite("turn_duration", turn_duration, "s", positive=True)
+    if max(still_duration, turn_duration) > LONGEST_PLAN:
+        raise InputError(f"A plan of more than {LONGEST_PLAN:g} s was asked for; less is expected.")
     sensor, angles = read_sensor(sensor), np.array([np.pi, np.pi / 2])
-    numbers = np.arange(turns + 1)
+    counts = np.arange(int(turns) + 1)
     sigma = [
         [
             turned_sigma(
                 sensor,
                 latitude=latitude,
-                turns=(float(angle),) * int(number),
+                turns=(float(angle),) * int(count),
                 still_duration=still_duration,
                 turn_duration=turn_duration,
             )
             for angle in angles
         ]
-        for number in numbers
+        for count in counts
     ]
-    return TurnPlan(sensor, float(latitude), still_duration, turn_duration, numbers, angles, np.array(sigma))
+    return TurnPlan(sensor, latitude, still_duration, turn_duration, counts, angles, np.array(sigma))
 
 
 def _square(parts: dict[str, Array]) -> Array:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.errors import InputError as InputError
-from gyronorth.errors import number
 from gyronorth.findings import Finding
+from gyronorth.given import checked_latitude, number, numbers, of_kind
 
 #: The former name of `gyronorth.findings.Finding` where a reader remarks on a file.
 Note = Finding
@@ -74,20 +74,22 @@ class Recording:
             raise InputError(f"accel_b has {len(self.accel_b)} samples, gyro_b {len(self.gyro_b)}; they must match.")
         for name in ("rate_hz", "latitude", "heading_true"):
             if name == "rate_hz" or getattr(self, name) is not None:
-                number(name, getattr(self, name))
+                object.__setattr__(self, name, number(name, getattr(self, name)))
         if not SLOWEST_RATE_HZ <= self.rate_hz <= FASTEST_RATE_HZ:
             raise InputError(
                 f"rate_hz is {self.rate_hz:g}; a sample rate of {SLOWEST_RATE_HZ:g} to {FASTEST_RATE_HZ:g} Hz "
                 "is expected."
             )
-        if self.latitude is not None and not abs(self.latitude) <= np.pi / 2:
-            raise InputError(
-                f"The latitude is {np.degrees(self.latitude):g} deg; -90 to 90 deg (in rad inside) is expected."
-            )
+        if self.latitude is not None:
+            checked_latitude(self.latitude)
         if self.heading_true is not None and not np.isfinite(self.heading_true):
             raise InputError(f"heading_true is {self.heading_true}; a finite angle in rad is expected.")
         if self.start_time_utc is not None:
             _parse_utc(self.start_time_utc)
+        for name, kind in (("gaps", Gap), ("notes", Finding)):
+            of_kind(name, getattr(self, name), tuple | list, "a tuple")
+            for one in getattr(self, name):
+                of_kind(f"One of {name}", one, kind, f"a {kind.__name__}")
 
     @property
     def duration(self) -> float:
@@ -118,13 +120,15 @@ class Recording:
 
     def rotated(self, mat: ArrayLike) -> Recording:
         """The recording in axes v, from `mat` = mat_vb, shape (3, 3): another mounting."""
-        mat = np.asarray(mat, dtype=float)
+        mat = numbers("The rotation", mat, "(3, 3)")
+        if mat.shape != (3, 3):
+            raise InputError(f"The rotation has shape {mat.shape}; (3, 3) is expected.")
         accel = None if self.accel_b is None else self.accel_b @ mat.T
         return replace(self, gyro_b=self.gyro_b @ mat.T, accel_b=accel, axes="frd")
 
     def without_bias(self, gyro_bias_b: ArrayLike) -> Recording:
         """The recording with a known gyro bias (3,), rad/s in the body frame, subtracted."""
-        bias = np.asarray(gyro_bias_b, dtype=float)
+        bias = numbers("The gyro bias", gyro_bias_b, "(3,)")
         if bias.shape != (3,) or not np.isfinite(bias).all():
             raise InputError(f"The gyro bias is {gyro_bias_b}; three finite rates in rad/s are expected.")
         return replace(self, gyro_b=self.gyro_b - bias)
@@ -138,12 +142,7 @@ def chosen_latitude(given: float | None, stored: float | None, source: str) -> f
     InputError
         If neither is known, the given one is out of range, or the two differ by more than `LATITUDE_CONFLICT`.
     """
-    given = None if given is None else number("The latitude", given)
-    if given is not None and not abs(given) <= np.pi / 2:
-        raise InputError(
-            f"The latitude is {given:g} rad, {np.degrees(given):g} deg; a value in [-90, 90] deg, given in rad, "
-            "is expected."
-        )
+    given = None if given is None else checked_latitude(given)
     known = agreed_latitude(given, stored, source)
     if known is None:
         raise InputError(
@@ -246,12 +245,12 @@ def _parse_utc(text: str) -> datetime:
         return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
     except (ValueError, OverflowError, TypeError):
         raise InputError(
-            f"start_time_utc is {text!r}; an ISO 8601 time such as 2024-05-01T12:00:00Z is expected."
+            f"start_time_utc is {text!r:.80}; an ISO 8601 time such as 2024-05-01T12:00:00Z is expected."
         ) from None
 
 
 def _checked_samples(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    samples = real_samples(name, value, "(n, 3)")
+    samples = numbers(name, value, "(n, 3)")
     if samples.ndim != 2 or samples.shape[1] != 3 or len(samples) == 0:
         raise InputError(f"{name} has shape {samples.shape}; (n, 3) with n > 0 is expected.")
     if not np.isfinite(samples).all():
@@ -264,32 +263,3 @@ def _checked_samples(name: str, value: ArrayLike) -> NDArray[np.float64]:
             "data are damaged, or not in SI units."
         )
     return samples
-
-
-def real_samples(name: str, value: ArrayLike, shape: str) -> NDArray[np.float64]:
-    """Samples as doubles.
-
-    Parameters
-    ----------
-    name, shape : str
-        What they are, and the shape that is expected, for messages.
-    value : array_like
-        Real numbers of any type.
-
-    Raises
-    ------
-    InputError
-        If they are none: texts, times, true and false, complex numbers; or some are masked.
-    """
-    mask = getattr(value, "mask", None)
-    if isinstance(mask, np.ndarray | np.bool_) and mask.any():
-        raise InputError(
-            f"{name} has {int(mask.sum())} masked values, which stand for no number. Cut the recording there."
-        )
-    try:
-        samples = np.asarray(value)
-        if samples.dtype.kind not in "fiuO":
-            raise TypeError
-        return samples.astype(np.float64, copy=False)
-    except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError: a tensor that keeps its gradient
-        raise InputError(f"{name} is not an array of numbers; real ones of shape {shape} are expected.") from None

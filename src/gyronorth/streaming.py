@@ -27,9 +27,10 @@ from gyronorth.attitude import from_rotation_vector, multiply
 from gyronorth.conditioning import block_means
 from gyronorth.deviation import DeviationModel
 from gyronorth.earth import STANDARD_GRAVITY, earth_rate_n
-from gyronorth.errors import InputError, number
+from gyronorth.errors import InputError
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.findings import Finding
+from gyronorth.given import checked_latitude, checked_path, number, of_kind
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, read_sensor
 
@@ -92,13 +93,16 @@ class StreamingHeading:
         session: str | None = None,
     ) -> None:
         self.rate_hz = number("rate_hz", rate_hz)
-        self.latitude = number("The latitude", latitude)
-        self.accelerometer = accelerometer
+        self.latitude = checked_latitude(latitude)
+        of_kind("accelerometer", accelerometer, bool | np.bool_, "true or false")
+        self.accelerometer = bool(accelerometer)
         self._sensor = None if sensor is None else read_sensor(sensor)
         self._method, self._attitude = method, attitude
-        self._model = None if model is None else Path(model)
+        self._model = None if model is None else checked_path("model", model)
+        if deviation is not None:
+            of_kind("deviation", deviation, DeviationModel, "a curve, as `read_deviation` gives it,")
         self._deviation, self._session = deviation, session
-        trial = _still_unit(self.rate_hz, self.latitude, accelerometer)
+        trial = _still_unit(self.rate_hz, self.latitude, self.accelerometer)
         self.restart()
         several = registry.METHODS.info(method).least_poses > 1 and attitude is None
         trial_method = "auto" if several else method

@@ -16,10 +16,9 @@ import numpy as np
 import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
-import pymseed
-import rdata
 import scipy.io
 import zstandard
+from fuzz.libraries import foreign
 
 from gyronorth import Recording
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
@@ -98,7 +97,11 @@ def base_files(folder: Path) -> list[tuple[str, bytes, Options]]:
         scipy.io.savemat(file, structs, **how)
         bases.append((f"navego{number}.mat", file.getvalue(), {"latitude": LATITUDE, "axes": "frd"}))
     bases += boxes(time, gyro, accel, table, units, bases[0][1])
-    return bases + texts(time, gyro, accel) + foreign(folder, time, gyro, accel)
+    return (
+        bases
+        + texts(time, gyro, accel)
+        + foreign(folder, gyro, accel, {**axes, "gyro_unit": "rad/s", "accel_unit": "m/s2"})
+    )
 
 
 def boxes(
@@ -197,20 +200,3 @@ def texts(time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[s
     influx = "".join(INFLUX.format(*row[1:], 17 * 10**17 + i * 10**9) for i, row in enumerate(rows))
     found.append(("influx.txt", influx.encode(), {**si, "time_unit": "ns"}))
     return [*found, ("gnss_log.txt", ("\n".join(logger) + "\n").encode(), {"axes": "flu", "latitude": LATITUDE})]
-
-
-def foreign(folder: Path, time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[str, bytes, Options]]:
-    """What libraries of others decode: records of miniSEED, packed and not, and data of R."""
-    found: list[tuple[str, bytes, Options]] = []
-    si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE}
-    codes = ("J_1", "J_2", "J_3", "N_1", "N_2", "N_3")
-    for version, encoding in ((2, pymseed.DataEncoding.STEIM2), (3, pymseed.DataEncoding.INT32)):
-        traces = pymseed.MS3TraceList()
-        for code, values in zip(codes, (*gyro.T / 1e-9, *accel.T / 1e-6), strict=True):
-            counts = np.round(values).astype(np.int32)
-            traces.add_data(f"FDSN:XX_ROT_00_L_{code}", counts, "i", RATE_HZ, starttime_str="2024-03-01T12:00:00Z")
-        content = b"".join(traces.generate(max_record_length=512, encoding=encoding, format_version=version))
-        found.append((f"station{version}.mseed", content, {"gyro_scale": 1e-9, "accel_scale": 1e-6, **si}))
-    rdata.write_rds(folder / "list.rds", {"t": time, "gyro": gyro, "accel": accel}, compression=None)
-    found.append(("list.rds", (folder / "list.rds").read_bytes(), {"time_unit": "s", **si}))
-    return found

@@ -17,7 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fuzz.mutation import mutated
-from fuzz.targets import Target, judge, targets
+from fuzz.oracle import Target, judge
+from fuzz.targets import targets
 
 from gyronorth.apart import Apart, Limits
 

@@ -1,17 +1,12 @@
-"""What takes a stranger's bytes, each with an honest example, and the one oracle over all of them.
-
-Whatever comes in ends in `InputError`, in a refused heading with its reason, or in a valid one whose
-numbers are finite.
-"""
+"""All that takes a stranger's bytes: recordings, frames and lines, profiles, curves, bundles, settings, checkpoints."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Iterator
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
@@ -19,6 +14,8 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from fuzz.beside import beside
+from fuzz.oracle import Target, of_file
 
 import gyronorth
 from gyronorth.alignment.networks.bundle import shipped_bundle
@@ -32,59 +29,28 @@ from gyronorth.live.session import LiveSettings, Session
 from gyronorth.readers.options import ReadOptions
 from gyronorth.recording import Recording
 
+#: File name, content and the declarations it needs, of each.
+Bases = list[tuple[str, bytes, dict[str, Any]]]
+
 RATE_HZ, SAMPLES, LATITUDE = 1.0, 64, 0.5604
-
-
-@dataclass(frozen=True)
-class Target:
-    """One kind of input."""
-
-    name: str
-    kind: str  # json, text or binary
-    make: Callable[[], bytes]  # the honest example
-    take: Callable[[bytes], HeadingEstimate | None]
-
-    @cached_property
-    def honest(self) -> bytes:
-        """Made when it is first asked for: what needs a large library is made last, after all that fork."""
-        return self.make()
-
-
-def judge(target: Target, content: bytes) -> str:
-    """What became of an input: refused, invalid, valid or taken; anything else raises."""
-    try:
-        with np.errstate(all="ignore"):
-            found = target.take(content)
-    except InputError as error:
-        if not str(error):
-            raise AssertionError("an error without a message") from None
-        return "refused"
-    if found is None:
-        return "taken"
-    json.dumps(found.to_json(), allow_nan=False)
-    if not found.valid:
-        return "invalid"
-    assert found.heading is not None
-    assert found.sigma is not None
-    assert np.isfinite([found.heading, found.sigma, *found.interval95]).all(), "valid, but not finite"
-    assert found.sigma > 0, "valid, but sigma is not above 0"
-    return "valid"
 
 
 def targets(folder: Path) -> list[Target]:
     """Every target that the installed extras allow; they write to `folder`."""
     recording = _still()
+    bases = _bases(folder)
     return [
         *_formats(recording, folder),
-        *_layouts(folder),
+        *_layouts(bases, folder),
         _turned(folder),
         _preset(folder),
         *_options(folder),
         *_frames(folder),
         _profile(recording, folder),
         _deviation(recording, folder),
-        *_bundles(recording, folder),
+        *_bundles(folder),
         _lines(),
+        *beside(bases, folder),
         *([_settings(folder)] if find_spec("yaml") else []),
         *([_checkpoint(folder)] if find_spec("torch") else []),
     ]
@@ -99,16 +65,6 @@ def _still() -> Recording:
         rate_hz=RATE_HZ,
         rng=np.random.default_rng(1),
     )
-
-
-def _file(folder: Path, name: str, use: Callable[[Path], HeadingEstimate | None]) -> Callable[[bytes], Any]:
-    path = folder / name
-
-    def take(content: bytes) -> HeadingEstimate | None:
-        path.write_bytes(content)
-        return use(path)
-
-    return take
 
 
 def _formats(recording: Recording, folder: Path) -> Iterator[Target]:
@@ -127,29 +83,35 @@ def _formats(recording: Recording, folder: Path) -> Iterator[Target]:
         path = folder / f"honest{suffix}"
         gyronorth.write(recording, path)
         kind = "text" if suffix == ".csv" else "binary"
-        yield Target(suffix[1:], kind, path.read_bytes, _file(folder, f"mutated{suffix}", heading))
+        yield Target(suffix[1:], kind, path.read_bytes, of_file(folder, f"mutated{suffix}", heading))
     from scipy.io import savemat
 
     for compressed in (False, True):
         savemat(folder / "honest.mat", {"imu": recording.gyro_b}, do_compression=compressed)
         content = partial(bytes, (folder / "honest.mat").read_bytes())
-        yield Target("mat-packed" if compressed else "mat", "binary", content, _file(folder, "mutated.mat", heading))
+        yield Target("mat-packed" if compressed else "mat", "binary", content, of_file(folder, "mutated.mat", heading))
 
 
-def _layouts(folder: Path) -> Iterator[Target]:
+def _bases(folder: Path) -> Bases:
     """Every other way in which people keep recordings."""
-    if not all(find_spec(needed) for needed in ("openpyxl", "pyarrow", "zstandard")):
-        return
+    needed = ("openpyxl", "pyarrow", "zstandard", "pymseed", "rdata", "rosbags", "mcap", "h5py")
+    if not all(find_spec(each) for each in needed):
+        return []
     from fuzz.recordings import base_files
 
-    for name, content, declared in base_files(folder):
+    return base_files(folder)
+
+
+def _layouts(bases: Bases, folder: Path) -> Iterator[Target]:
+    for name, content, declared in bases:
 
         def heading(path: Path, declared: dict[str, Any] = declared) -> HeadingEstimate:
             found = gyronorth.read(path, drop_bad_rows=path.stat().st_size % 2 == 1, **declared)
             return gyronorth.heading(found, latitude=LATITUDE, method="mean")
 
-        kind = "json" if name.endswith(".json") else "text" if name.endswith(TEXTS) else "binary"
-        yield Target(name.replace(".", "-"), kind, partial(bytes, content), _file(folder, name, heading))
+        is_text = name.endswith(TEXTS) or name == "text.rds"
+        kind = "json" if name.endswith(".json") else "text" if is_text else "binary"
+        yield Target(name.replace(".", "-"), kind, partial(bytes, content), of_file(folder, name, heading))
 
 
 #: Of the layouts, those that are texts in UTF-8.
@@ -171,7 +133,7 @@ def _turned(folder: Path) -> Target:
         given = [poses[0], gyronorth.read(file), poses[2]]
         return gyronorth.heading(given, latitude=LATITUDE, sensor="stim300", turn_angles=(np.pi / 2, np.pi / 2))
 
-    return Target("turned", "text", partial(bytes, path.read_bytes()), _file(folder, "pose-mutated.csv", use))
+    return Target("turned", "text", partial(bytes, path.read_bytes()), of_file(folder, "pose-mutated.csv", use))
 
 
 def _preset(folder: Path) -> Target:
@@ -190,7 +152,7 @@ def _preset(folder: Path) -> Target:
     def use(file: Path) -> HeadingEstimate:
         return gyronorth.heading(gyronorth.read(path, preset=str(file)), latitude=LATITUDE, method="mean")
 
-    return Target("preset", "json", partial(bytes, json.dumps(document).encode()), _file(folder, "preset.json", use))
+    return Target("preset", "json", partial(bytes, json.dumps(document).encode()), of_file(folder, "preset.json", use))
 
 
 class _BeginsError(Exception):
@@ -217,15 +179,15 @@ def _options(folder: Path) -> Iterator[Target]:
         if not isinstance(result.exception, _BeginsError):
             raise result.exception or AssertionError(result.output)
 
-    yield Target("options", "text", partial(bytes, text.encode()), _file(folder, "live.toml", use))
+    yield Target("options", "text", partial(bytes, text.encode()), of_file(folder, "live.toml", use))
 
 
 def _frames(folder: Path) -> Iterator[Target]:
     """Captures of every protocol: as files, and as they come to a running session."""
     from frames.encoders import CASES
 
-    for name in FRAMES:
-        case = CASES[name](40)
+    for name, make in CASES.items():
+        case = make(40)
         declared: dict[str, Any] = {"protocol": case.protocol, "axes": "frd"}
         declared |= {"rate_hz": case.options.rate_hz, "imu": case.options.imu, "gyro_unit": case.options.gyro_unit}
         declared["increments"] = case.options.increments
@@ -238,16 +200,8 @@ def _frames(folder: Path) -> Iterator[Target]:
             return _session(content, ReadOptions(latitude=LATITUDE, **declared))
 
         content = partial(bytes, case.preamble + b"".join(case.frames))
-        yield Target(f"frames-{name}", "binary", content, _file(folder, f"{name}.bin", heading))
+        yield Target(f"frames-{name}", "binary", content, of_file(folder, f"{name}.bin", heading))
         yield Target(f"live-{name}", "binary", content, live)
-
-
-#: One form of each protocol at least; the others differ in how numbers are written.
-FRAMES = (
-    "stim", "novatel-RAWIMUSX-text", "novatel-RAWIMUX-binary", "kvh-A-angle", "kvh-B-angle", "hg4930", "sbg-short",
-    "anpp", "vectornav-delta", "vectornav-ascii", "mip-delta", "xbus-dq", "xbus-12.20", "inertial-labs", "anello",
-    "anello-x3",
-)  # fmt: skip
 
 
 class _Bytes:
@@ -287,7 +241,7 @@ def _session(content: bytes, reading: ReadOptions) -> HeadingEstimate | None:
 def _profile(recording: Recording, folder: Path) -> Target:
     path = folder / "profile-honest.json"
     gyronorth.write_sensor(gyronorth.read_sensor("stim300"), path)
-    take = _file(folder, "profile.json", lambda file: gyronorth.heading(recording, sensor=str(file), method="mean"))
+    take = of_file(folder, "profile.json", lambda file: gyronorth.heading(recording, sensor=str(file), method="mean"))
     return Target("profile", "json", path.read_bytes, take)
 
 
@@ -301,34 +255,40 @@ def _deviation(recording: Recording, folder: Path) -> Target:
     def use(file: Path) -> HeadingEstimate:
         return gyronorth.heading(recording, method="mean", deviation=gyronorth.read_deviation(file))
 
-    return Target("deviation", "json", path.read_bytes, _file(folder, "deviation.json", use))
+    return Target("deviation", "json", path.read_bytes, of_file(folder, "deviation.json", use))
 
 
-def _bundles(recording: Recording, folder: Path) -> Iterator[Target]:
+def _bundles(folder: Path) -> Iterator[Target]:
+    """Each shipped bundle: its description and its networks, on a recording of which it gives a valid heading."""
     if not find_spec("onnxruntime"):
         return
-    made = folder / "bundle"
-    shutil.copytree(shipped_bundle("baseline"), made)
-    description, network = (made / name for name in ("bundle.json", "heading.onnx"))
-    honest = {description: description.read_bytes(), network: network.read_bytes()}
+    recording = gyronorth.simulate(
+        "sdc500", latitude=LATITUDE, heading=0.7, duration=100.0, rate_hz=3.0, rng=np.random.default_rng(1)
+    )
+    for name in ("baseline", "learned", "paper"):
+        made = folder / f"bundle-{name}"
+        shutil.copytree(shipped_bundle(name), made)
+        honest = {path.name: path.read_bytes() for path in made.iterdir()}
 
-    def heading() -> HeadingEstimate:
-        return gyronorth.heading(recording, method="baseline", model=made)
+        def heading(changed: dict[str, bytes], name: str = name, made: Path = made) -> HeadingEstimate:
+            for file, content in changed.items():
+                (made / file).write_bytes(content)
+            return gyronorth.heading(recording, method=name, sensor="sdc500", model=made)
 
-    def described(content: bytes) -> HeadingEstimate:
-        network.write_bytes(honest[network])
-        description.write_bytes(content)
-        return heading()
+        def described(content: bytes, take: Any = heading, honest: Any = honest) -> HeadingEstimate:
+            return take({**honest, "bundle.json": content})
 
-    def run(content: bytes) -> HeadingEstimate:
-        info = json.loads(honest[description])
-        info["heading"]["sha256"] = hashlib.sha256(content).hexdigest()
-        description.write_text(json.dumps(info))
-        network.write_bytes(content)
-        return heading()
+        yield Target(f"bundle-{name}", "json", partial(bytes, honest["bundle.json"]), described)
+        for part, said in json.loads(honest["bundle.json"]).items():
+            if not (isinstance(said, dict) and "sha256" in said):
+                continue
 
-    yield Target("bundle", "json", lambda: honest[description], described)
-    yield Target("network", "binary", lambda: honest[network], run)
+            def run(content: bytes, part: str = part, take: Any = heading, honest: Any = honest) -> HeadingEstimate:
+                info = json.loads(honest["bundle.json"])
+                info[part]["sha256"] = hashlib.sha256(content).hexdigest()
+                return take({**honest, "bundle.json": json.dumps(info).encode(), info[part]["file"]: content})
+
+            yield Target(f"network-{name}-{part}", "binary", partial(bytes, honest[said["file"]]), run)
 
 
 def _lines() -> Target:
@@ -357,7 +317,7 @@ def _settings(folder: Path) -> Target:
 
         read_settings(file)
 
-    return Target("settings", "text", honest, _file(folder, "settings.yaml", use))
+    return Target("settings", "text", honest, of_file(folder, "settings.yaml", use))
 
 
 def _checkpoint(folder: Path) -> Target:
@@ -374,4 +334,4 @@ def _checkpoint(folder: Path) -> Target:
 
         read_checkpoint(file, "f")
 
-    return Target("checkpoint", "binary", honest, _file(folder, "mutated.pt", use))
+    return Target("checkpoint", "binary", honest, of_file(folder, "mutated.pt", use))

@@ -88,7 +88,7 @@ def test_of_latitudes_that_agree_the_given_one_counts(tmp_path):
         ({"accel_unit": "kg"}, r"accel_unit is 'kg'; one of m/s2, g, mg"),
         ({"rate_hz": 0}, "declared rate is 0 Hz"),
         ({"rate_hz": float("nan")}, "declared rate is nan Hz"),
-        ({"latitude": 32.11}, "latitude is 1839.77 deg"),
+        ({"latitude": 32.11}, "latitude is 32.11 rad, 1839.77 deg"),
         ({"boresight": (0, 0, float("inf"))}, "boresight is"),
         ({"window": (5, 5)}, "window is 5:5 s"),
         ({"window": (0, float("nan"))}, "window is 0:nan s"),

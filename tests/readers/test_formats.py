@@ -290,7 +290,7 @@ def npz_file(folder, **change):
         ({"rate_hz": np.ones(3)}, "rate_hz is .*; one finite number is expected"),
         ({"rate_hz": -5.0}, "rate_hz is -5; a sample rate of"),
         ({"rate_hz": np.nan}, "one finite number is expected"),
-        ({"latitude": 32.11}, "latitude is 1839.77 deg"),
+        ({"latitude": 32.11}, "latitude is 32.11 rad, 1839.77 deg"),
         ({"gyro_b": np.zeros((300, 2))}, r"gyro_b has shape \(300, 2\)"),
         ({"gyro_b": np.zeros((300, 3), complex)}, "gyro_b has shape .* and type complex128"),
         ({"gyro_b": np.array([{}], dtype=object)}, "gyro_b of rec.npz holds pickled Python objects"),

@@ -21,7 +21,8 @@ from gyronorth.alignment.problem import Problem
 from gyronorth.alignment.result import Result, together, unknown
 from gyronorth.arrays import Mask
 from gyronorth.catalogue import MethodInfo
-from gyronorth.errors import InputError, number
+from gyronorth.errors import InputError
+from gyronorth.given import number
 
 if TYPE_CHECKING:
     from gyronorth.deviation import DeviationModel
@@ -172,9 +173,10 @@ def check(name: str, problem: Problem, options: Options) -> Method:
 def _check_attitude(attitude: Any) -> None:
     if attitude is None:
         return
-    if np.shape(attitude) != (2,):
+    angles = list(attitude) if hasattr(attitude, "__iter__") and getattr(attitude, "ndim", 1) else []
+    if len(angles) != 2:
         raise InputError(f"The attitude is {attitude!r:.80}; roll and pitch, two angles in rad, are expected.")
-    for name, angle in zip(("roll", "pitch"), attitude, strict=True):
+    for name, angle in zip(("roll", "pitch"), angles, strict=True):
         number(f"The {name} given", angle)
 
 

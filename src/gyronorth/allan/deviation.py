@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
+from gyronorth.given import finite, numbers
 
 #: Samples per chunk: the angle, its first and its second difference stay in a 2 MB cache.
 CHUNK = 32768
@@ -156,19 +157,18 @@ def octaves(n: int, longest_part: float) -> Array:
 
 def check_samples(x: ArrayLike, rate_hz: float) -> Array:
     """Samples as floats, (n,) or (n, axes); InputError if they are too few or not finite."""
-    x = np.asarray(x, dtype=float)
+    x = numbers("x", x, "(n,) or (n, axes)")
     if x.ndim not in (1, 2):
         raise InputError(f"x has shape {x.shape}; (n,) or (n, axes) is expected.")
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise InputError(f"rate_hz is {rate_hz}; a positive sample rate in Hz is expected.")
+    finite("rate_hz", rate_hz, "Hz", positive=True)
     if len(x) < FEWEST_SAMPLES:
         raise InputError(
             f"The record holds {len(x)} samples ({len(x) / rate_hz:g} s); an Allan deviation needs at least "
             f"{FEWEST_SAMPLES}. Give a longer record."
         )
-    finite = np.isfinite(x.reshape(len(x), -1)).all(axis=1)
-    if not finite.all():
-        rows = np.flatnonzero(~finite)
+    whole = np.isfinite(x.reshape(len(x), -1)).all(axis=1)
+    if not whole.all():
+        rows = np.flatnonzero(~whole)
         raise InputError(
             f"{len(rows)} of {len(x)} samples are not finite, the first at {rows[0] / rate_hz:g} s. The Allan "
             "deviation needs an unbroken record: leave the broken part out."
@@ -177,7 +177,7 @@ def check_samples(x: ArrayLike, rate_hz: float) -> Array:
 
 
 def _multiples(taus: ArrayLike, n: int, rate_hz: float) -> Array:
-    taus = np.atleast_1d(np.asarray(taus, dtype=float))
+    taus = np.atleast_1d(numbers("taus", taus, "(k,)"))
     longest = n // 2 / rate_hz
     if taus.ndim != 1 or len(taus) == 0 or not np.isfinite(taus).all():
         raise InputError(f"taus is {taus}; a list of averaging times in s is expected.")

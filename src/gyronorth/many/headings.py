@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
@@ -10,13 +11,15 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gyronorth.errors import InputError, is_of_memory
+from gyronorth.given import checked_path, numbers, of_kind
 from gyronorth.report.tables import Outcome
 from gyronorth.sources.listing import Item, recordings
 from gyronorth.sources.remote import NotFetched, at_hand, checksum_of, state_of
 
 if TYPE_CHECKING:
-    import os
     from concurrent.futures import Executor
 
     from gyronorth.deviation import DeviationModel
@@ -197,9 +200,14 @@ def heading_many(
     from gyronorth.readers import ReadOptions
     from gyronorth.sensor import read_sensor
 
-    reading = reading or ReadOptions()
+    reading = ReadOptions() if reading is None else reading
+    of_kind("reading", reading, ReadOptions, "ReadOptions")
     if latitude is not None:
         reading = replace(reading, latitude=latitude)
+    if windows is not None:
+        lengths = numbers("windows", windows, "(2,)")
+        if lengths.shape != (2,) or not ((lengths > 0) & np.isfinite(lengths)).all():
+            raise InputError(f"windows is {windows!r:.80}; length and step, two positive times in s, are expected.")
     profile = None if sensor is None else read_sensor(sensor)
     request = Request(
         reading,
@@ -207,13 +215,17 @@ def heading_many(
         method,
         None,
         attitude,
-        None if model is None else Path(model),
+        None if model is None else checked_path("model", model),
         turn_angles,
         deviation,
     )
     task = HeadingTask(request, windows)
-    one = isinstance(sources, str) or hasattr(sources, "__fspath__")
-    items = recordings([sources] if one else sources)  # type: ignore[list-item, arg-type]
+    one = isinstance(sources, str | os.PathLike)
+    of_kind("sources", sources, (str, os.PathLike, Iterable), "a path, or several")
+    named: list[Any] = [sources] if one else list(sources)  # type: ignore[arg-type]
+    for each in named:
+        checked_path("One of sources", each)
+    items = recordings(named)
     work = Work(task, task.settings())
     return (outcome for _, found in outcomes_of(items, work, executor) for outcome in found)
 

@@ -10,16 +10,21 @@ import csv
 import io
 import json
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from math import isfinite
 from pathlib import Path
 from typing import Any, TextIO
 
-from gyronorth.errors import InputError
+from gyronorth.apart import Apart
+from gyronorth.errors import InputError, one_line
 from gyronorth.files import written_beside
+from gyronorth.readers.budget import check_claim, limits_of
 from gyronorth.report.tables import COLUMNS, Outcome
 from gyronorth.sources.tables import STAMPS, arrow, is_parquet
 
+#: Rows of a Parquet table that are decoded at once.
+BATCH_ROWS = 1 << 12
 #: Columns of a table of windows.
 WINDOW = ("start_s", "end_s", "windows")
 #: Columns of text; the others hold numbers, and `valid` true or false.
@@ -74,6 +79,7 @@ class TableWriter:
         together: dict[str, list[Row]] = {}
         for row in rows:
             self._check(row[self.columns.index("settings")])
+            self._check_numbers(row)
             together.setdefault(row[0], []).append(row)
         for group in together.values():
             self._put(group, write=write)
@@ -96,6 +102,12 @@ class TableWriter:
         if not rows[0][self.columns.index("checksum")]:
             return False
         return "windows" not in self.columns or rows[0][self.columns.index("windows")] == str(len(rows))
+
+    def _check_numbers(self, row: Row) -> None:
+        for name, cell in zip(self.columns, row, strict=True):
+            if name not in TEXTS and not _can_stand(cell, name):
+                what = f"{name} of {one_line(row[0])} is {one_line(cell[:40])!r}"
+                raise InputError(f"The rows for {self._path} are damaged: {what}. Leave --resume out.")
 
     def _check(self, theirs: str) -> None:
         if theirs == self._settings:
@@ -203,7 +215,7 @@ def _begin(found: TableWriter, path: Path, partial: Path, journal: TextIO, *, re
         csv.writer(journal, lineterminator="\n").writerow(found.columns)
         journal.flush()
     if resume and path.is_file():
-        old = _read_parquet(path, found.columns) if is_parquet(path) else _read_csv(path, found.columns)[0]
+        old = list(_read_parquet(path, found.columns)) if is_parquet(path) else _read_csv(path, found.columns)[0]
         newer = {row[0] for row in rows}
         found.take((row for row in old if row[0] not in newer), write=True)
     found.take(rows, write=False)
@@ -260,6 +272,18 @@ def _guarded(cell: str) -> str:
     return f"'{cell}" if cell.startswith(FORMULA) and not _is_number(cell) else cell
 
 
+def _can_stand(cell: str, name: str) -> bool:
+    """Whether a cell of a column that holds no text is as it was written: empty where there is no number."""
+    if name == "valid":
+        return cell in ("true", "false")
+    if name == "windows":
+        return cell.isascii() and cell.isdigit() and len(cell) < 19
+    try:
+        return not cell or isfinite(float(cell))
+    except ValueError:
+        return False
+
+
 def _is_number(cell: str) -> bool:
     try:
         float(cell)
@@ -268,17 +292,33 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _read_parquet(path: Path, columns: Sequence[str]) -> list[Row]:
+def _read_parquet(path: Path, columns: Sequence[str]) -> Iterator[Row]:
+    """Rows of a Parquet table; like every Parquet file it is decoded within limits of time and memory."""
+    size = path.stat().st_size
+    child = Apart(lambda: _stored_rows(path, columns), limits=limits_of(size), what=path.name)
+    decoded = 0
     try:
-        content = arrow(path).read_table(path)
+        while rows := child.ask(None):
+            decoded += sum(len(cell) for row in rows for cell in row)
+            check_claim(path.name, "its table", decoded, size)
+            yield from rows
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"{path} cannot be read: {' '.join(str(error).split())[:160].rstrip('.')}. Leave --resume out."
-        ) from None
-    if tuple(content.column_names) != tuple(columns):
+        if isinstance(error, InputError):
+            raise
+        reason = " ".join(str(error).split())[:160].rstrip(".")
+        raise InputError(f"{path} cannot be read: {reason}. Leave --resume out.") from None
+    finally:
+        child.close()
+
+
+def _stored_rows(path: Path, columns: Sequence[str]) -> Callable[[None], list[Row]]:
+    """Gives the rows batch by batch, and none at the end."""
+    file = arrow(path).ParquetFile(path, page_checksum_verification=True)
+    if tuple(file.schema_arrow.names) != tuple(columns):
         raise InputError(f"{path} is no table of this kind. Choose another name, or leave --resume out.")
-    cells = [[_text(value) for value in column.to_pylist()] for column in content.columns]
-    return list(zip(*cells, strict=True))
+    batches = (batch.columns for batch in file.iter_batches(BATCH_ROWS, use_threads=False) if len(batch))
+    found = ([[_text(value) for value in column.to_pylist()] for column in each] for each in batches)
+    return lambda _: list(zip(*next(found, ()), strict=True))
 
 
 def _write_parquet(path: Path, columns: Sequence[str], rows: Iterable[Row]) -> None:

@@ -6,12 +6,14 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError, did_you_mean, one_line
+from gyronorth.given import checked_latitude, checked_path, number, numbers, of_kind
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.source import FORCES, NAMES, RATES, TIME
 from gyronorth.recording import FASTEST_RATE_HZ, SLOWEST_RATE_HZ
@@ -92,6 +94,7 @@ class ReadOptions:
     needed: tuple[str, ...] = RATES  # columns without which it is no recording; FORCES for an accelerometer's file
 
     def __post_init__(self) -> None:
+        self._check_kinds()
         _among("gyro_unit", self.gyro_unit, GYRO_UNITS)
         _among("accel_unit", self.accel_unit, ACCEL_UNITS)
         _among("time_unit", self.time_unit, TIME_UNITS)
@@ -102,12 +105,14 @@ class ReadOptions:
             raise InputError(
                 f"The declared rate is {self.rate_hz:g} Hz; {SLOWEST_RATE_HZ:g} to {FASTEST_RATE_HZ:g} Hz is expected."
             )
-        if self.latitude is not None and not abs(self.latitude) <= np.pi / 2:
-            raise InputError(f"The latitude is {np.degrees(self.latitude):g} deg; -90 to 90 deg is expected.")
-        if len(self.boresight) != 3 or not all(abs(angle) <= 2 * np.pi for angle in self.boresight):
+        boresight = numbers("The boresight", self.boresight, "(3,)")
+        if boresight.shape != (3,) or not (abs(boresight) <= 2 * np.pi).all():
             raise InputError(
-                f"The boresight is {self.boresight} rad; three angles roll, pitch, yaw of a turn at most are expected."
+                f"The boresight is {self.boresight!r:.80} rad; three angles roll, pitch, yaw of a turn at most are "
+                "expected."
             )
+        if self.window is not None and numbers("The window", self.window, "(2,)").shape != (2,):
+            raise InputError(f"The window is {self.window!r:.80}; start and end in s are expected.")
         if self.window is not None and not 0 <= self.window[0] < self.window[1] < np.inf:
             raise InputError(
                 f"The window is {self.window[0]:g}:{self.window[1]:g} s; START:END with 0 <= START < END is expected."
@@ -115,6 +120,27 @@ class ReadOptions:
         for name in self.columns or {}:
             if name not in NAMES:
                 raise InputError(f"columns names {name!r}; the columns of a recording are {', '.join(NAMES)}.")
+
+    def _check_kinds(self) -> None:
+        """Numbers as such, and everything else of its type."""
+        for name in ("rate_hz", "gyro_scale", "accel_scale", "increment_interval", "accel_range_g"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, number(name, getattr(self, name)))
+        if self.latitude is not None:
+            object.__setattr__(self, "latitude", checked_latitude(self.latitude))
+        for name in ("axes", "variable", "topic", "protocol", "imu", "format", "accel_topic"):
+            if getattr(self, name) is not None:
+                of_kind(name, getattr(self, name), str, "a text")
+        for name in ("preset", "accel_file"):
+            if getattr(self, name) is not None:
+                checked_path(name, getattr(self, name))
+        of_kind("needed", self.needed, tuple, "a tuple of names")
+        of_kind("drop_bad_rows", self.drop_bad_rows, bool | np.bool_, "true or false")
+        of_kind(
+            "columns", {} if self.columns is None else self.columns, Mapping, "a mapping of our names to the file's"
+        )
+        if tuple(self.needed) not in (RATES, FORCES):
+            raise InputError(f"needed is {self.needed!r:.80}; {RATES} or {FORCES} is expected.")
 
     def _check_scales(self) -> None:
         """Counts and increments."""
@@ -245,6 +271,10 @@ def _listed(titles: list[str]) -> str:
     return ", ".join(shown) + (f" and {len(titles) - LISTED} more" if len(titles) > LISTED else "")
 
 
-def _among(name: str, value: str | None, choices: Iterable[str]) -> None:
-    if value is not None and value not in choices:
-        raise InputError(f"{name} is {value!r}; one of {', '.join(choices)} is expected.{did_you_mean(value, choices)}")
+def _among(name: str, value: Any, choices: Iterable[str]) -> None:
+    if value is None:
+        return
+    if not isinstance(value, str) or value not in choices:
+        raise InputError(
+            f"{name} is {value!r:.80}; one of {', '.join(choices)} is expected.{did_you_mean(str(value), choices)}"
+        )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gyronorth import catalogue
 from gyronorth.errors import InputError
+from gyronorth.given import checked_path, of_kind
 from gyronorth.readers.asking import OpenQuestion, ask, declared_options, in_pairs
 from gyronorth.readers.declared import forgotten_accelerometer, in_place_of, resolve
 from gyronorth.readers.grid import JITTER
@@ -145,11 +146,12 @@ class Reading(GridStream):
     def __init__(self, path: str | Path, options: ReadOptions, progress: Progress | None) -> None:
         if options.preset is not None:
             options = load(options.preset).onto(options)
+        path = checked_path("path", path)
         try:
             super().__init__(open_source(path, options), options, path)
         except OpenQuestion as question:
             raise _with_accelerometer(question, path, options) from None
-        self._path = Path(path)
+        self._path = path
         self.progress = progress
         if (beside := forgotten_accelerometer(self.source, options, path)) is not None:
             message = (
@@ -358,6 +360,8 @@ def options_of(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOpt
     if unknown:
         known = ", ".join(item.name for item in fields(ReadOptions))
         raise TypeError(f"read() has no declaration {', '.join(sorted(unknown))}; there are {known}.")
+    if options is not None:
+        of_kind("options", options, ReadOptions, "ReadOptions")
     return options or ReadOptions(**declared)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gyronorth.errors import InputError
 from gyronorth.files import written_beside
+from gyronorth.given import checked_path, of_kind
 from gyronorth.readers import registry
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.recording import Recording
@@ -24,12 +25,13 @@ def write(recording: Recording, path: str | Path) -> None:
     InputError
         If the suffix is another one, or the file cannot be written.
     """
+    of_kind("recording", recording, Recording, "a Recording")
     write_chunks([recording], path)
 
 
 def write_chunks(chunks: Iterable[Recording], path: str | Path) -> None:
     """Write the chunks of one recording as `write` does, without holding all of them at once."""
-    path = Path(path)
+    path = checked_path("path", path)
     writer = registry.writer_of(path.suffix.lower())
     if writer is None:
         *others, last = registry.FORMATS.written

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gyronorth.errors import InputError, did_you_mean
 from gyronorth.files import write_text
+from gyronorth.given import checked_path, of_kind
 from gyronorth.sensor.terms import TriadErrors
 
 
@@ -47,8 +48,7 @@ def read_sensor(name_or_file: str | os.PathLike[str] | Sensor) -> Sensor:
     """
     if isinstance(name_or_file, Sensor):
         return name_or_file
-    if not hasattr(name_or_file, "__fspath__") and not hasattr(name_or_file, "encode"):
-        raise InputError(f"The sensor is {name_or_file!r:.80}; a name, the path of a profile or a Sensor is expected.")
+    of_kind("The sensor", name_or_file, (str, os.PathLike), "a name, the path of a profile or a Sensor")
     from gyronorth.sensor import profiles
 
     path, name = Path(name_or_file), str(name_or_file).lower()
@@ -76,7 +76,8 @@ def write_sensor(sensor: Sensor, path: str | os.PathLike[str]) -> None:
     """
     from gyronorth.sensor import profiles
 
-    target = Path(path)
+    of_kind("sensor", sensor, Sensor, "a Sensor")
+    target = checked_path("path", path)
     text = profiles.compose(dataclasses.asdict(sensor))
     profiles.parse(text, where=f"The sensor to be written to {target}")
     write_text(target, text)

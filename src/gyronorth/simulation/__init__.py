@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from gyronorth.angles import wrap_heading
 from gyronorth.arrays import Array
 from gyronorth.errors import InputError
+from gyronorth.given import checked_latitude, finite, numbers, of_kind
 from gyronorth.recording import Recording
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 from gyronorth.sensor.drawing import sensor_errors
@@ -23,6 +24,10 @@ __all__ = ["DISTURBANCES", "Motion", "sensor_errors", "simulate", "simulate_batc
 
 # Values of one triad that are worked on at once: 32 MB, so that temporaries stay small beside the result.
 _CHUNK = 4_000_000
+#: Angles beyond this, rad, are no angles.
+LARGEST_ANGLE = 1e9
+#: Samples that are simulated, at most: 24 GB of angular rate.
+MOST_SAMPLES = 10**9
 
 
 def simulate(
@@ -76,7 +81,9 @@ def simulate(
     >>> recording.gyro_b.shape, recording.heading_true
     ((1000, 3), 1.0)
     """
-    sensor, motion = read_sensor(sensor), motion or Motion()
+    sensor, motion = read_sensor(sensor), Motion() if motion is None else motion
+    latitude, heading = checked_latitude(latitude), finite("heading", heading, "rad")
+    roll, pitch = finite("roll", roll, "rad"), finite("pitch", pitch, "rad")
     gyro_b, accel_b = simulate_batch(
         sensor,
         runs=1,
@@ -93,8 +100,8 @@ def simulate(
     return Recording(
         gyro_b=gyro_b[0],
         accel_b=None if accel_b is None else accel_b[0],
-        rate_hz=float(rate_hz),
-        latitude=float(latitude),
+        rate_hz=rate_hz,
+        latitude=latitude,
         heading_true=float(wrap_heading(heading + motion.total_angle)),
         session=f"simulated-{rng.integers(2**32):08x}",
         source=f"simulated {sensor.name}",
@@ -128,11 +135,14 @@ def simulate_batch(
     accel_b : ndarray, shape (runs, samples, 3), or None
         Mean specific force, m/s^2; None if `accel` is false.
     """
-    sensor, motion = read_sensor(sensor), motion or Motion()
-    samples = _check(runs, latitude, pitch, duration, rate_hz, motion)
-    pose = np.stack([np.broadcast_to(np.asarray(a, dtype=float), (runs,)) for a in (latitude, roll, pitch, heading)])
-    if not np.isfinite(pose).all():
-        raise InputError("latitude, roll, pitch and heading must be finite angles in rad.")
+    sensor, motion = read_sensor(sensor), Motion() if motion is None else motion
+    of_kind("motion", motion, Motion, "a Motion")
+    of_kind("rng", rng, np.random.Generator, "a generator, as of numpy.random.default_rng(SEED),")
+    of_kind("accel", accel, bool | np.bool_, "true or false")
+    duration = finite("duration", duration, "s", positive=True)
+    rate_hz = finite("rate_hz", rate_hz, "Hz", positive=True)
+    pose = _pose(runs, latitude=latitude, roll=roll, pitch=pitch, heading=heading)
+    samples = _samples(runs, duration, rate_hz, motion)
     gyro_b = np.empty((runs, samples, 3))
     accel_b = np.empty((runs, samples, 3)) if accel else None
     rows = max(1, _CHUNK // (3 * samples))
@@ -148,22 +158,35 @@ def simulate_batch(
     return gyro_b, accel_b
 
 
-def _check(runs: int, latitude: ArrayLike, pitch: ArrayLike, duration: float, rate_hz: float, motion: Motion) -> int:
-    """Number of samples, after checking the arguments."""
-    if runs < 1:
-        raise InputError(f"runs is {runs}; at least 1 is expected.")
-    for name, angle in (("latitude", latitude), ("pitch", pitch)):
-        if not np.all(np.abs(angle) <= np.pi / 2):
-            raise InputError(f"{name} is {np.degrees(np.max(np.abs(angle))):g} deg; -90 to 90 deg is expected.")
-    if not (0 < rate_hz < np.inf and 0 < duration < np.inf and round(duration * rate_hz) >= 1):
+def _pose(runs: int, **angles: ArrayLike) -> Array:
+    """The angles of each run, rad, shape (4, runs)."""
+    if not isinstance(runs, int | np.integer) or runs < 1:
+        raise InputError(f"runs is {runs!r:.80}; a whole number of at least 1 is expected.")
+    pose: list[Array] = []
+    for name, given in angles.items():
+        angle = numbers(name, given, "(runs,)")
+        if angle.shape not in ((), (runs,)):
+            raise InputError(f"{name} has shape {angle.shape}; one angle, or one for each of {runs} runs, is expected.")
+        if not (abs(angle) <= LARGEST_ANGLE).all():
+            raise InputError(f"{name} is {angle!r:.80}; finite angles in rad are expected.")
+        if name in ("latitude", "pitch") and not (abs(angle) <= np.pi / 2).all():
+            raise InputError(f"{name} is {np.degrees(np.max(abs(angle))):g} deg; -90 to 90 deg is expected.")
+        pose.append(np.broadcast_to(angle, (runs,)))
+    return np.stack(pose)
+
+
+def _samples(runs: int, duration: float, rate_hz: float, motion: Motion) -> int:
+    """Number of samples of a run."""
+    count = duration * rate_hz
+    if not 0.5 < count * runs <= MOST_SAMPLES:
         raise InputError(
-            f"{duration:g} s at {rate_hz:g} Hz is no recording; a positive duration and rate, and at least "
-            "one sample, are expected."
+            f"{duration:g} s at {rate_hz:g} Hz, {runs} times, are {count * runs:.0f} samples; 1 to {MOST_SAMPLES:g} "
+            "are expected. Make it shorter, or the rate lower."
         )
     end = max((start + length for start, length, _ in motion.turns), default=0.0)
     if end > duration + 1e-9:
         raise InputError(f"The last turn ends at {end:g} s, after the recording of {duration:g} s. Make it longer.")
-    return round(duration * rate_hz)
+    return round(count)
 
 
 def _measure(

@@ -19,6 +19,7 @@ from gyronorth.attitude import mat_lb
 from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW
 from gyronorth.earth import EARTH_RATE, normal_gravity
 from gyronorth.errors import InputError
+from gyronorth.given import numbers, of_kind
 from gyronorth.simulation.disturbance import drawn
 
 #: disturbance(times, runs=..., rng=...) -> rotation vector from the undisturbed body to the body at
@@ -45,13 +46,19 @@ class Motion:
 
     def __post_init__(self) -> None:
         end = 0.0
+        turns = numbers("turns", self.turns, "(turns, 3)")
+        if turns.size and (turns.ndim != 2 or turns.shape[1] != 3):
+            raise InputError(f"turns has shape {turns.shape}; start, duration and angle of each turn are expected.")
+        object.__setattr__(self, "turns", tuple(map(tuple, turns.reshape(-1, 3).tolist())))
         for start, duration, angle in sorted(self.turns):
             if not (np.isfinite([start, duration, angle]).all() and start >= end and duration > 0):
                 raise InputError(
-                    f"The turn START:DURATION:ANGLE = {start:g}:{duration:g}:{np.degrees(angle):g} does not fit: "
+                    f"The turn START:DURATION:ANGLE = {start:g}:{duration:g}:{angle * (180 / np.pi):g} does not fit: "
                     f"START of at least {end:g} s (the end of the turn before) and DURATION above 0 s are expected."
                 )
             end = start + duration
+        if not callable(self.disturbance):
+            of_kind("disturbance", self.disturbance, str, "a name or a function")
         if isinstance(self.disturbance, str) and self.disturbance not in ("quiet", *DISTURBANCES):
             known = ", ".join(("quiet", *DISTURBANCES))
             raise InputError(f"There is no disturbance {self.disturbance!r}; known are {known}.")

@@ -117,7 +117,7 @@ def _check_whole(path: Path) -> None:
 def _open_folder(path: Path, options: ReadOptions) -> Source:
     """Topics, numbers and times are those of metadata.yaml; the library would count all messages, a second for 1 GB."""
     with _opened(path, "rosbag2", counted=False) as reader:
-        found = [(each.topic, each.msgtype, each.msgcount) for each in reader.connections]
+        found = [(str(each.topic), str(each.msgtype), int(each.msgcount)) for each in reader.connections]
         times = int(reader.start_time), int(reader.end_time) - 1
         # Those that metadata.yaml lists; another one in the folder is none of the recording.
         listed = [storage.path for storage in reader.storage.storages if isinstance(storage, _Unopened)]
