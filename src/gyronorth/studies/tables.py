@@ -10,6 +10,19 @@ import numpy as np
 
 from gyronorth.evaluation import Interval
 
+#: Columns of shares: readers see them in percent.
+SHARES = frozenset(
+    {
+        "95 % interval holds",
+        "inside the 95 % interval",
+        "missed of valid",
+        "refused",
+        "folds won",
+        "splits won",
+        "folds better than learned + deviation",
+    }
+)
+
 
 @dataclass(frozen=True)
 class Table:
@@ -48,14 +61,18 @@ def degrees(interval: Interval) -> Interval:
 
 def rows_markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Rows under their columns."""
-    lines = [columns, ["---"] * len(columns), *([cell_text(cell) for cell in row] for row in rows)]
+    lines = [columns, ["---"] * len(columns), *(list(map(cell_text, row, columns)) for row in rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def cell_text(cell: Any) -> str:
-    """A cell as a reader sees it."""
+def cell_text(cell: Any, column: str) -> str:
+    """A cell of this column as a reader sees it."""
     if cell is None:
         return ""
+    if column in SHARES and isinstance(cell, Interval):
+        return f"{100 * cell.value:.1f} % ({100 * cell.low:.1f} to {100 * cell.high:.1f} %)"
+    if column in SHARES and isinstance(cell, float):
+        return f"{100 * cell:.1f} %"
     if isinstance(cell, Interval):
         return f"{cell.value:.3f} ({cell.low:.3f} to {cell.high:.3f})"
     if isinstance(cell, float):
