@@ -22,6 +22,8 @@ SHARES = frozenset(
         "folds better than learned + deviation",
     }
 )
+#: Columns that are in percent already.
+PERCENT = frozenset({"2.5 % of splits below", "median", "2.5 % of splits above"})
 
 
 @dataclass(frozen=True)
@@ -69,15 +71,20 @@ def cell_text(cell: Any, column: str) -> str:
     """A cell of this column as a reader sees it."""
     if cell is None:
         return ""
-    if column in SHARES and isinstance(cell, Interval):
-        return f"{100 * cell.value:.1f} % ({100 * cell.low:.1f} to {100 * cell.high:.1f} %)"
-    if column in SHARES and isinstance(cell, float):
-        return f"{100 * cell:.1f} %"
+    unit = " %" if column in SHARES else ""
     if isinstance(cell, Interval):
-        return f"{cell.value:.3f} ({cell.low:.3f} to {cell.high:.3f})"
-    if isinstance(cell, float):
-        return f"{cell:.3f}" if 1e-3 <= abs(cell) < 1e4 or cell == 0 else f"{cell:.3g}"
-    return str(cell)
+        value, low, high = (_figure(v, column) for v in (cell.value, cell.low, cell.high))
+        return f"{value}{unit} ({low} to {high}{unit})"
+    return f"{_figure(cell, column)}{unit}" if isinstance(cell, float) else str(cell)
+
+
+def _figure(value: float, column: str) -> str:
+    """Shares in percent, angles with three figures, all else with three decimals."""
+    if column in SHARES or column in PERCENT:
+        return f"{100 * value if column in SHARES else value:.1f}"
+    if 0 < abs(value) < 1e-3 or abs(value) >= 1e4:
+        return f"{value:.3g}"
+    return f"{value:#.3g}".rstrip(".") if column.endswith(("deg", "°")) else f"{value:.3f}"
 
 
 def verdict(found: Interval | float, *, low: float = -np.inf, high: float = np.inf) -> str:
