@@ -389,24 +389,28 @@ def read_rows(path: Path) -> list[dict[str, object]]:
 
 def draw(rows: list[dict[str, object]], path: Path) -> None:
     """Error over claimed sigma of each program, a line a set: 1 is an honest claim, to the right it is too small."""
+    import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from gyronorth.report.figures import BLUE, FAINT, GREEN, INK, PINK, RED, write
+    from gyronorth.report.figures import BLUE, FAINT, GREEN, INK, PINK, RED, SETTINGS, write
 
     names = list(dict.fromkeys(row["set"] for row in rows))
     programs = [name for name in PROGRAMS if any(row["program"] == name and _ratio(row) for row in rows)]
-    figure = Figure(figsize=(8.0, 0.9 + 0.5 * len(names)), layout="constrained")
-    axes = figure.subplots()
-    for program, colour, marker in zip(programs, (BLUE, RED, GREEN, PINK, FAINT), "osv^D", strict=False):
-        found = [(_ratio(row), names.index(row["set"])) for row in rows if row["program"] == program]
-        axes.plot(*zip(*found, strict=True), marker, color=colour, markersize=7, alpha=0.8, label=program)
-    axes.axvline(1.0, color=INK, linewidth=1.0, linestyle="--")
-    axes.set(xscale="log", xlabel="RMS error / RMS claimed sigma; right of 1 the claim is too small")
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.grid(axis="y", alpha=0.3)
-    figure.legend(loc="outside upper center", ncols=3, frameon=False)
+    with mpl.rc_context(SETTINGS):
+        figure = Figure(figsize=(8.0, 0.9 + 0.55 * len(names)), layout="constrained")
+        axes = figure.subplots()
+        for number, (program, colour, marker) in enumerate(
+            zip(programs, (BLUE, RED, GREEN, PINK, FAINT), "osv^D", strict=False)
+        ):
+            below = 0.11 * (number - (len(programs) - 1) / 2)  # beside each other where they agree
+            found = [(_ratio(row), names.index(row["set"]) + below) for row in rows if row["program"] == program]
+            axes.plot(*zip(*found, strict=True), marker, color=colour, markersize=6, label=program)
+        axes.axvline(1.0, color=INK, linewidth=1.0, linestyle="--")
+        axes.set(xscale="log", xlabel="RMS error / RMS claimed sigma; right of 1 the claim is too small")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+        figure.legend(loc="outside upper center", ncols=3)
     write(figure, path)
 
 

@@ -90,20 +90,21 @@ def measured(command: list[str]) -> dict[str, float]:
 
 def draw(found: list[dict[str, Any]], path: Path) -> None:
     """The figure of the page."""
-    import matplotlib
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from gyronorth.report.figures import BLUE, INK, RED, SETTINGS, write
 
     samples = [each["samples"] for each in found]
-    figure, (cost, memory) = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    for axes, key, label in ((cost, "cpu_s", "CPU time / s"), (memory, "peak_mb", "peak memory / MB")):
-        for name, title in (("heading", "gyronorth heading"), ("loads", "pyarrow and means alone")):
-            axes.loglog(samples, [each[name][key] for each in found], "o-", label=title)
-        axes.set_xlabel("samples, six axes, Parquet")
-        axes.set_ylabel(label)
-        axes.grid(alpha=0.3, which="both")
-    memory.loglog(samples, [each["arrays_mb"] for each in found], "k:", label="the two arrays")
-    cost.legend()
-    memory.legend()
-    figure.savefig(path, dpi=110)
+    with mpl.rc_context(SETTINGS):
+        figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+        panels = figure.subplots(1, 2)
+        for axes, key, title in zip(panels, ("cpu_s", "peak_mb"), ("CPU time (s)", "Peak memory (MB)"), strict=True):
+            for name, label, colour in (("heading", "gyronorth heading", BLUE), ("loads", "loading alone", RED)):
+                axes.plot(samples, [each[name][key] for each in found], "o-", color=colour, label=label)
+            axes.set(title=title, xlabel="samples, six axes, Parquet", xscale="log", yscale="log")
+            axes.yaxis.set_major_formatter("{x:g}")
+        panels[1].plot(samples, [each["arrays_mb"] for each in found], ":", color=INK, label="the two arrays")
+        for axes in panels:
+            axes.legend()
+    write(figure, path)

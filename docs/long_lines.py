@@ -1,6 +1,7 @@
-"""A hook of the documentation: commands and their messages are wrapped where the page ends.
+"""A hook of the documentation: where lines may end.
 
-Other blocks scroll: code, whose indentation counts, and rows of tables.
+Commands and their messages are wrapped at the end of the page; other blocks scroll: code, whose indentation counts, and
+rows of tables. An option is never broken, nor a number from its percent sign; the long name of a function is, at `_`.
 """
 
 from __future__ import annotations
@@ -13,12 +14,35 @@ BLOCK = re.compile(r'<div class="language-(console|sh|text) highlight">(.*?)</co
 ROW = re.compile(r"\S {2,}\S.*\S {2,}\S")
 
 
+CODE = re.compile(r"(<code\b.*?</code>)", re.DOTALL)
+TAG = re.compile(r"(<[^>]*>)")
+OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
+LONG_NAME = re.compile(r"\w{30,}")
+
+
 def on_page_content(content: str, **_: object) -> str:
-    """Mark every such block for the style sheet."""
-    return BLOCK.sub(_marked, content)
+    """Mark every such block, option and name for the style sheet."""
+    pieces = CODE.split(BLOCK.sub(_marked, content))
+    return "".join((_code if number % 2 else _text)(piece) for number, piece in enumerate(pieces))
 
 
 def _marked(found: re.Match[str]) -> str:
     lines = html.unescape(re.sub(r"<[^>]*>", "", found[2])).splitlines()
     scrolls = any(line.startswith(" ") or ROW.search(line) for line in lines)
     return found[0] if scrolls else found[0].replace(" highlight", " highlight wrapped", 1)
+
+
+def _code(piece: str) -> str:
+    """A piece of code, whose options stay whole and whose long names may be broken."""
+    texts = TAG.split(piece)
+    for number in range(0, len(texts), 2):
+        whole = OPTION.sub(r'<span class="option">\g<0></span>', texts[number])
+        texts[number] = LONG_NAME.sub(lambda name: name[0].replace("_", "_<wbr>"), whole)
+    return "".join(texts)
+
+
+def _text(piece: str) -> str:
+    """Text in which a number keeps its percent sign."""
+    texts = TAG.split(piece)
+    texts[::2] = [re.sub(r"(?<=\d) %", "\N{NO-BREAK SPACE}%", text) for text in texts[::2]]
+    return "".join(texts)

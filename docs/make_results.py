@@ -43,7 +43,7 @@ from gyronorth.report.figures import write
 from gyronorth.report.study_figures import FIGURES, study_figure
 from gyronorth.studies.benchmark import STUDIES
 from gyronorth.studies.study import StudyPlan
-from gyronorth.studies.tables import Table, cell_text, rows_markdown
+from gyronorth.studies.tables import SHARES, Table, cell_text, rows_markdown
 from gyronorth.studies.tables import verdict as within
 
 PAGES = Path(__file__).parent / "results"
@@ -77,7 +77,7 @@ def page(benchmark: str, studies: dict[str, Study]) -> str:
     there = re.compile(r"^```with (\S+)\n(.*?)^```(?:\n+|$)", re.M | re.S)
     intro = there.sub(lambda found: f"{found[2]}\n" if found[1] in studies else "", intro)
     intro = re.sub(r"^```claims\n(.*?)^```", lambda found: claims(found[1], studies), intro, flags=re.M | re.S)
-    intro = re.sub(r"\{\{(.*?)\}\}", lambda found: cell_text(cell(studies, *parts(found[1]))), intro)
+    intro = re.sub(r"\{\{(.*?)\}\}", lambda found: shown_cell(studies, *parts(found[1])), intro)
     sections = [
         section(study, benchmark, shown=f"({benchmark}-{study['study']}.png)" in intro) for study in studies.values()
     ]
@@ -137,6 +137,11 @@ def cell(studies: dict[str, Study], study: str, title: str, row: str, column: st
     return found[0][tables[0].columns.index(column)]
 
 
+def shown_cell(studies: dict[str, Study], study: str, title: str, row: str, column: str) -> str:
+    """One cell as a reader sees it."""
+    return cell_text(cell(studies, study, title, row, column), column)
+
+
 def parts(text: str) -> list[str]:
     """The pieces between bars."""
     return [piece.strip() for piece in text.split("|")]
@@ -150,8 +155,8 @@ def claims(text: str, studies: dict[str, Study]) -> str:
         found = cell(studies, study, table, row, column)
         beside = cell(studies, *kept) if kept else None
         if beside is not None:
-            beside = f"{cell_text(beside)}: {verdict(beside, limit)}"
-        rows.append((claim, limit_text(limit), found, verdict(found, limit), beside))
+            beside = f"{cell_text(beside, kept[-1])}: {verdict(beside, limit)}"
+        rows.append((claim, limit_text(limit, column), cell_text(found, column), verdict(found, limit), beside))
     columns = ("claim", "required", "result", "verdict", "of tests not lost")
     shown = len(columns) if any(row[-1] is not None for row in rows) else len(columns) - 1
     return rows_markdown(columns[:shown], [row[:shown] for row in rows])
@@ -166,8 +171,10 @@ def bounds(limit: str) -> tuple[float, float]:
     return (float("-inf"), float(value)) if sign == "<=" else (float(value), float("inf"))
 
 
-def limit_text(limit: str) -> str:
-    """A limit in words."""
+def limit_text(limit: str, column: str) -> str:
+    """A limit in words; of a share in percent."""
+    if column in SHARES:
+        limit = re.sub(r"[\d.]+", lambda found: f"{100 * float(found[0]):g}", limit) + " %"
     return limit.replace("<=", "at most").replace(">=", "at least")
 
 

@@ -136,6 +136,21 @@ def test_a_claim_may_have_the_tests_that_are_not_lost_beside_it(results):
     ]
 
 
+def test_shares_and_their_limits_are_in_percent(results):
+    rows = [["auto", {"value": 0.143, "low": 0.087, "high": 0.226}, 0.02]]
+    columns = ["method", "missed of valid", "refused"]
+    studies = {"stress": {"tables": [{"title": "Beyond", "columns": columns, "rows": rows, "note": ""}]}}
+    where = "stress | Beyond | auto |"
+    text = f"a | {where} missed of valid | 0.02 to 0.07\nb | {where} refused | <= 0.15"
+    assert results.claims(text, studies).splitlines()[2:] == [
+        "| a | 2 to 7 % | 14.3 % (8.7 to 22.6 %) | **does not hold** |",
+        "| b | at most 15 % | 2.0 % | holds |",
+    ]
+    assert results.shown_cell(studies, "stress", "Beyond", "auto", "refused") == "2.0 %"
+    table = results.table_of(studies["stress"]["tables"][0])
+    assert "| auto | 14.3 % (8.7 to 22.6 %) | 2.0 % |" in table.to_markdown()
+
+
 def test_a_folder_without_studies_is_told(results, tmp_path):
     with pytest.raises(SystemExit, match="holds no study"):
         results.main([str(tmp_path)])

@@ -13,9 +13,11 @@ import numpy as np
 
 import gyronorth as gn
 
-ROOT = next(folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / "examples/data/demo.npz").exists())
-recording = gn.read(ROOT / "examples/data/demo.npz")
-print(f"{recording.duration:.0f} s at {recording.rate_hz:g} Hz, latitude {degrees(recording.latitude):.2f} deg")
+DEMO = "examples/data/demo.npz"
+ROOT = next(p for p in Path("here").resolve().parents if (p / DEMO).exists())
+recording = gn.read(ROOT / DEMO)
+print(f"{recording.duration:.0f} s at {recording.rate_hz:g} Hz")
+print(f"latitude {degrees(recording.latitude):.2f} deg")
 
 # %% [markdown]
 # ## The heading and its interval
@@ -24,9 +26,10 @@ print(f"{recording.duration:.0f} s at {recording.rate_hz:g} Hz, latitude {degree
 
 # %%
 estimate = gn.heading(recording, sensor="sdc500")
+heading = degrees(estimate.heading)
 low, high = map(degrees, estimate.interval95)
-print("valid" if estimate.valid else [reason.message for reason in estimate.reasons])
-print(f"heading {degrees(estimate.heading):.1f} deg, 95 % from {low:.1f} to {high:.1f} deg")
+print("valid" if estimate.valid else estimate.reasons)
+print(f"heading {heading:.1f} deg, 95 % from {low:.1f} to {high:.1f} deg")
 print(f"true heading {degrees(recording.heading_true):.1f} deg")
 
 # %% [markdown]
@@ -46,9 +49,11 @@ plt.tight_layout()
 course = gn.convergence(recording, sensor="sdc500")
 plt.figure(figsize=(6, 3))
 centre, half = np.degrees(course.heading), np.degrees(course.half_width)
-plt.fill_between(course.time, centre - half, centre + half, alpha=0.3, label="95 % interval")
+low, high = centre - half, centre + half
+plt.fill_between(course.time, low, high, alpha=0.3, label="95 % interval")
 plt.plot(course.time, centre, label="heading")
-plt.axhline(degrees(recording.heading_true), color="k", linestyle=":", label="truth")
+truth = degrees(recording.heading_true)
+plt.axhline(truth, color="k", linestyle=":", label="truth")
 plt.xlabel("time used, s")
 plt.ylabel("heading, deg")
 plt.title("Waiting averages the noise only")
@@ -72,5 +77,5 @@ turned = gn.simulate(
 )
 two_poses = gn.heading(turned, sensor="sdc500")
 error = (degrees(two_poses.heading - turned.heading_true) + 180) % 360 - 180
-print(f"{two_poses.method}: sigma {degrees(two_poses.sigma):.2f} deg, error {error:+.2f} deg")
+print(f"two poses: sigma {degrees(two_poses.sigma):.2f} deg, error {error:+.2f} deg")
 print(f"one pose:  sigma {degrees(estimate.sigma):.2f} deg")

@@ -19,7 +19,12 @@ from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 
 LATITUDE = radians(48.0)
 recording = gn.simulate(
-    "stim300", latitude=LATITUDE, heading=radians(120), duration=3600, rate_hz=20, rng=np.random.default_rng(7)
+    "stim300",
+    latitude=LATITUDE,
+    heading=radians(120),
+    duration=3600,
+    rate_hz=20,
+    rng=np.random.default_rng(7),
 )
 
 # %% [markdown]
@@ -30,9 +35,10 @@ recording = gn.simulate(
 # %%
 plt.figure(figsize=(6, 3.4))
 for axis, name in enumerate("xyz"):
-    curve = gn.allan_deviation(recording.gyro_b[:, axis], rate_hz=recording.rate_hz)
-    plt.loglog(curve.tau, curve.deviation / DEG_PER_HOUR, label=f"gyro {name}")
-    plt.fill_between(curve.tau, curve.low / DEG_PER_HOUR, curve.high / DEG_PER_HOUR, alpha=0.2)
+    rate = recording.gyro_b[:, axis] / DEG_PER_HOUR
+    curve = gn.allan_deviation(rate, rate_hz=recording.rate_hz)
+    plt.loglog(curve.tau, curve.deviation, label=f"gyro {name}")
+    plt.fill_between(curve.tau, curve.low, curve.high, alpha=0.2)
 plt.xlabel("averaging time, s")
 plt.ylabel("Allan deviation, deg/h")
 plt.legend()
@@ -41,7 +47,8 @@ plt.tight_layout()
 # %%
 found = identify(recording.gyro_b, rate_hz=recording.rate_hz)
 noise, bias = found.angle_random_walk, found.bias_instability
-print(f"angle random walk {noise.value / DEG_PER_SQRT_HOUR:.3f} deg/sqrt(h), {noise.status}")
+walk = noise.value / DEG_PER_SQRT_HOUR
+print(f"angle random walk {walk:.3f} deg/sqrt(h), {noise.status}")
 print(f"bias instability  {bias.value / DEG_PER_HOUR:.2f} deg/h, {bias.status}")
 
 # %% [markdown]
@@ -55,7 +62,7 @@ profile = {
     "name": "my unit",
     "source": "one hour at rest; turn-on bias of the data sheet",
     "gyro": {
-        "angle_random_walk_deg_sqrt_h": noise.value / DEG_PER_SQRT_HOUR,
+        "angle_random_walk_deg_sqrt_h": walk,
         "bias_instability_deg_h": bias.value / DEG_PER_HOUR,
         "bias_instability_definition": "coefficient",
         "turn_on_bias_deg_h": 4.0,
@@ -74,7 +81,8 @@ plt.figure(figsize=(6, 3.2))
 plt.loglog(plan.duration, np.degrees(plan.sigma), color="k", label="sigma")
 for name, values in plan.parts.items():
     if np.any(values > 0):
-        plt.loglog(plan.duration, np.degrees(values), linestyle="--", label=name.replace("_", " "))
+        label = name.replace("_", " ")
+        plt.loglog(plan.duration, np.degrees(values), linestyle="--", label=label)
 plt.xlabel("duration of one pose, s")
 plt.ylabel("sigma, deg")
 plt.legend()
@@ -85,8 +93,9 @@ plt.tight_layout()
 
 # %%
 for turns in (0, 1, 3):
-    motion = gn.Motion(turns=tuple((120.0 * (k + 1) + 5.0 * k, 5.0, np.pi) for k in range(turns)))
-    duration = 120.0 * (turns + 1) + 5.0 * turns
+    starts = [120.0 + 125.0 * k for k in range(turns)]
+    motion = gn.Motion(turns=tuple((start, 5.0, np.pi) for start in starts))
+    duration = 120.0 + 125.0 * turns
     pose = gn.simulate(
         sensor,
         latitude=LATITUDE,
@@ -97,4 +106,5 @@ for turns in (0, 1, 3):
         rng=np.random.default_rng(11),
     )
     estimate = gn.heading(pose, sensor=sensor)
-    print(f"{turns} turns, {duration:4.0f} s: {estimate.method:9} sigma {degrees(estimate.sigma):6.2f} deg")
+    sigma = degrees(estimate.sigma)
+    print(f"{turns} turns, {duration:4.0f} s: {estimate.method:9} sigma {sigma:6.2f} deg")

@@ -258,7 +258,8 @@ def convergence(
 
     Parameters
     ----------
-    recording, latitude, sensor, method, model, attitude
+    recording : Recording
+    latitude, sensor, method, model, attitude : optional
         As in `heading`.
     points : int
         Number of times, evenly spaced in the logarithm from 5 s, or a twentieth, to the end.

@@ -167,6 +167,12 @@ def test_tab_offers_what_the_program_accepts(tmp_path, monkeypatch):
         ("heading", "--imu", "STIM", "STIM300"),
         ("simulate", "--disturbance", "sw", "sway"),
         ("benchmark", "--study", "tab", "table_2"),
+        ("allan", "--sensor", "stim3", "stim300"),
+        ("allan", "--export", "kal", "kalibr"),
+        ("plan", "--method", "in", "inertial"),
+        ("heading", "--increments", "b", "both"),
+        ("live", "--nmea-set", "oc", "octans"),
+        ("live", "--log-level", "w", "warning"),
     ],
 )
 def test_tab_behind_an_option_offers_its_names(command, option, typed, offered):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import NMEA_SETS
+from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.config import take_config
 from gyronorth.cli.correction import AnySession, Deviation, GyroBias, curve_and_method
@@ -73,6 +74,7 @@ def live(
         typer.Option(
             metavar="|".join(LEVELS),
             parser=log_level_name,
+            autocompletion=completion.offered(lambda: LEVELS),
             help="Log level on standard error.",
             rich_help_panel=OUTPUT,
         ),
@@ -112,6 +114,7 @@ def live(
         typer.Option(
             metavar="|".join(NMEA_SETS),
             parser=nmea_set_name,
+            autocompletion=completion.offered(lambda: NMEA_SETS),
             help="Which sentences: " + "; ".join(f"{name} {words}" for name, words in NMEA_SETS.items()) + ".",
             rich_help_panel=OUTPUT,
         ),

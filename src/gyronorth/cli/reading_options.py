@@ -84,7 +84,9 @@ READING: dict[str, tuple[Any, Any]] = {
     "gyro_scale": _declares("UNITS", "Gyro units per count of the file.", _per_count),
     "accel_scale": _declares("UNITS", "Accelerometer units per count of the file.", _per_count),
     "increments": _declares(
-        "[gyro|accel|both|none]", "The file holds increments per sample, not rates; of both sensors if none is named."
+        "[gyro|accel|both|none]",
+        "The file holds increments per sample, not rates; of both sensors if none is named.",
+        offers=completion.offered(lambda: ("gyro", "accel", "both", "none")),
     ),
     "increment_interval": _declares(
         "SECONDS",

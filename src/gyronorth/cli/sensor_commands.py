@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gyronorth.catalogue import ALLAN_EXPORTS, METHODS
+from gyronorth.cli import completion
 from gyronorth.cli.app import app
 from gyronorth.cli.many_options import Out, Place, Resume, Scheduler, Sources, Workers
 from gyronorth.cli.many_run import run_files, several
@@ -64,7 +65,9 @@ def allan(
     sensor: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME|FILE", help="Profile that supplies what the recording cannot show, such as turn-on bias."
+            metavar="NAME|FILE",
+            autocompletion=completion.sensor,
+            help="Profile that supplies what the recording cannot show, such as turn-on bias.",
         ),
     ] = None,
     export: Annotated[
@@ -72,6 +75,7 @@ def allan(
         typer.Option(
             metavar="|".join(ALLAN_EXPORTS),
             parser=allan_export,
+            autocompletion=completion.offered(lambda: ALLAN_EXPORTS),
             help="Print the profile for another estimator (YAML) and nothing else.",
             rich_help_panel=OUTPUT,
         ),
@@ -171,7 +175,13 @@ def plan(
     sensor: RequiredSensor,
     latitude: RequiredLatitude,
     method: Annotated[
-        Any, typer.Option(metavar="|".join(PLANNABLE), parser=plannable, help="Method to plan for.")
+        Any,
+        typer.Option(
+            metavar="|".join(PLANNABLE),
+            parser=plannable,
+            autocompletion=completion.offered(lambda: PLANNABLE),
+            help="Method to plan for.",
+        ),
     ] = "mean",
     turns: Annotated[
         int | None,

@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -64,6 +65,7 @@ def _noise(figure: Figure, study: Study) -> None:
     axes.plot(printed["duration"], printed["crmse_deg"], "o", color=RED, label="printed (another set)")
     axes.plot(printed["duration"], fitted, "--", color=INK, label="fit: bias and white noise")
     axes.plot(twin["duration"], twin["crmse_deg"], "-", color=BLUE, marker=".", label="reconstruction, 60 recordings")
+    _plain_ticks(axes.xaxis, (10, 20, 50, 100, 200))
     axes.legend()
 
 
@@ -88,9 +90,7 @@ def _table_2(figure: Figure, study: Study) -> None:
     top = parts[0].subplots()
     _intervals(top, [(row[0], row[column]) for row in table["rows"] if isinstance(row[column], dict)])
     top.set(title=table["title"], xlabel="CRMSE, ratio to model-based, 95 % interval", xscale="log")
-    top.xaxis.set_major_locator(FixedLocator([0.5, 0.7, 1, 2, 5, 10]))
-    top.xaxis.set_major_formatter("{x:g}")
-    top.xaxis.set_minor_locator(NullLocator())
+    _plain_ticks(top.xaxis, (0.5, 0.7, 1, 2, 5, 10))
     bottom, circle = parts[1].subplots(), dict(study["curves"]["circle"])
     heading = circle.pop("heading_deg")
     for (label, values), colour, style in zip(circle.items(), (RED, BLUE), _STYLES, strict=False):
@@ -111,7 +111,14 @@ def _intervals(axes: Axes, rows: Sequence[tuple[str, dict]]) -> None:
         axes.plot(cell["value"], place, "o", color=BLUE)
     axes.axvline(1.0, color=RED, linestyle="--", linewidth=1.2)
     axes.set_yticks(range(len(rows)), [label for label, _ in rows])
-    axes.invert_yaxis()
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+
+
+def _plain_ticks(axis: Axis, at: Sequence[float]) -> None:
+    """Numbers as they are written, 20 and not 2 x 10^1, on an axis in logarithms."""
+    axis.set_major_locator(FixedLocator(at))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
 
 
 def _scale(figure: Figure, study: Study) -> None:
@@ -122,11 +129,12 @@ def _scale(figure: Figure, study: Study) -> None:
         figure.set_size_inches(8.0, 7.5)
         parts = figure.subfigures(2, 1)
         axes = parts[0].subplots()
-        for (kind, points), marker in zip(by_steps.items(), "osv^D", strict=False):
+        for (kind, points), colour, marker in zip(by_steps.items(), _COLOURS, "osv^D", strict=False):
             steps, gain = [p["steps"] for p in points], [p["horizontal_gain"] for p in points]
-            axes.plot(steps, gain, marker=marker, markersize=4, linewidth=1.2, label=kind)
+            axes.plot(steps, gain, color=colour, marker=marker, markersize=4, linewidth=1.2, label=kind)
         axes.axhline(1.0, color=FAINT, linewidth=1.0)
         axes.set(title=study["title"], xlabel="reverse steps", ylabel="horizontal rate, after / before", xscale="log")
+        _plain_ticks(axes.xaxis, (1, 10, 100, 1000))
         axes.legend(title="normalisation")
     curves = {kind: study["curves"][kind] for kind in ("sequence", "none") if kind in study["curves"]}
     panels = parts[-1].subplots(1, max(len(curves), 1), squeeze=False)[0]
@@ -159,6 +167,7 @@ def _t_back(figure: Figure, study: Study) -> None:
                 width, epochs = 1.5 / np.sqrt(len(splits)), np.arange(1, len(values) + 1)
                 panel.plot(epochs, values, color=colour, linestyle=style, linewidth=width, label=label)
         panel.set(title=f"Fig. 7: t_back {t_back}", xlabel="epoch", yscale="log")
+    _plain_ticks(panels[0].yaxis, (1, 10, 100))  # shared
     panels[0].set_ylabel("CRMSE (deg)")
     panels[0].legend()
 
@@ -180,7 +189,7 @@ def _turned(figure: Figure, study: Study) -> None:
     axes, table = figure.subplots(), study["tables"][0]
     column = table["columns"].index("ratio to the bound")
     _intervals(axes, [(row[0], row[column]) for row in table["rows"]])
-    axes.set(title=study["title"], xlabel="RMSE, ratio to the Cramer-Rao bound, 95 % interval")
+    axes.set(title=study["title"], xlabel="RMSE, ratio to the Cramér-Rao bound, 95 % interval")
 
 
 def _disturbed(figure: Figure, study: Study) -> None:

@@ -18,7 +18,7 @@ from gyronorth.arrays import Array
 from gyronorth.attitude import mat_lb
 from gyronorth.catalogue import HELD_OUT, KINDS, PLATFORM, SLOW
 from gyronorth.earth import EARTH_RATE, normal_gravity
-from gyronorth.errors import InputError
+from gyronorth.errors import InputError, did_you_mean
 from gyronorth.given import numbers, of_kind
 from gyronorth.simulation.disturbance import drawn
 
@@ -60,8 +60,9 @@ class Motion:
         if not callable(self.disturbance):
             of_kind("disturbance", self.disturbance, str, "a name or a function")
         if isinstance(self.disturbance, str) and self.disturbance not in ("quiet", *DISTURBANCES):
-            known = ", ".join(("quiet", *DISTURBANCES))
-            raise InputError(f"There is no disturbance {self.disturbance!r}; known are {known}.")
+            known = ("quiet", *DISTURBANCES)
+            nearest = did_you_mean(self.disturbance, known)
+            raise InputError(f"There is no disturbance {self.disturbance!r}; known are {', '.join(known)}.{nearest}")
 
     @property
     def total_angle(self) -> float:

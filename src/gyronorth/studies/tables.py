@@ -10,6 +10,21 @@ import numpy as np
 
 from gyronorth.evaluation import Interval
 
+#: Columns of shares: readers see them in percent.
+SHARES = frozenset(
+    {
+        "95 % interval holds",
+        "inside the 95 % interval",
+        "missed of valid",
+        "refused",
+        "folds won",
+        "splits won",
+        "folds better than learned + deviation",
+    }
+)
+#: Columns that are in percent already.
+PERCENT = frozenset({"2.5 % of splits below", "median", "2.5 % of splits above"})
+
 
 @dataclass(frozen=True)
 class Table:
@@ -48,19 +63,28 @@ def degrees(interval: Interval) -> Interval:
 
 def rows_markdown(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Rows under their columns."""
-    lines = [columns, ["---"] * len(columns), *([cell_text(cell) for cell in row] for row in rows)]
+    lines = [columns, ["---"] * len(columns), *(list(map(cell_text, row, columns)) for row in rows)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def cell_text(cell: Any) -> str:
-    """A cell as a reader sees it."""
+def cell_text(cell: Any, column: str) -> str:
+    """A cell of this column as a reader sees it."""
     if cell is None:
         return ""
+    unit = " %" if column in SHARES else ""
     if isinstance(cell, Interval):
-        return f"{cell.value:.3f} ({cell.low:.3f} to {cell.high:.3f})"
-    if isinstance(cell, float):
-        return f"{cell:.3f}" if 1e-3 <= abs(cell) < 1e4 or cell == 0 else f"{cell:.3g}"
-    return str(cell)
+        value, low, high = (_figure(v, column) for v in (cell.value, cell.low, cell.high))
+        return f"{value}{unit} ({low} to {high}{unit})"
+    return f"{_figure(cell, column)}{unit}" if isinstance(cell, float) else str(cell)
+
+
+def _figure(value: float, column: str) -> str:
+    """Shares in percent, angles with three figures, all else with three decimals."""
+    if column in SHARES or column in PERCENT:
+        return f"{100 * value if column in SHARES else value:.1f}"
+    if 0 < abs(value) < 1e-3 or abs(value) >= 1e4:
+        return f"{value:.3g}"
+    return f"{value:#.3g}".rstrip(".") if column.endswith(("deg", "°")) else f"{value:.3f}"
 
 
 def verdict(found: Interval | float, *, low: float = -np.inf, high: float = np.inf) -> str:

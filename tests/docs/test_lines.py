@@ -1,0 +1,43 @@
+"""Where lines of the documentation may end: docs/long_lines.py; the marks of docstrings: docs/docstring_marks.py."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def module(name: str):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ("<p>in 95 % of <b>100 %</b></p>", "<p>in 95\u00a0% of <b>100\u00a0%</b></p>"),
+        ("<code>a % b 5 %</code>", "<code>a % b 5 %</code>"),
+        (
+            '<code class="a--b">x --gyro-unit g</code>',
+            '<code class="a--b">x <span class="option">--gyro-unit</span> g</code>',
+        ),
+        ("<p>not here: --out</p>", "<p>not here: --out</p>"),
+        (f"<code>{'test_' * 6}</code>", f"<code>{'test_<wbr>' * 6}</code>"),
+    ],
+)
+def test_options_and_percentages_stay_whole_and_long_names_break(given, expected):
+    assert module("long_lines").on_page_content(given) == expected
+
+
+def test_marks_of_numpydoc_become_markdown():
+    pytest.importorskip("griffe", reason="griffe comes with the extra dev")
+    value = "By [1]_, eq. 11; a[0]_b stays.\n\n.. [1] A. Author,\n       a book."
+    documented = SimpleNamespace(docstring=SimpleNamespace(value=value))
+    module("docstring_marks").DocstringMarks().on_object(obj=documented)
+    assert documented.docstring.value == "By [1], eq. 11; a[0]_b stays.\n\n- [1] A. Author,\n       a book."
