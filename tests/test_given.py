@@ -161,7 +161,7 @@ def test_every_number_of_every_public_function_is_checked(name):
                 use(**given | {argument: value})
 
 
-@pytest.mark.parametrize("value", [5, "ab", True, [None], np.ones(2), object()], ids=repr)
+@pytest.mark.parametrize("value", [5, "ab", True, [None], np.ones(2), object()], ids=lambda value: type(value).__name__)
 @pytest.mark.parametrize(
     ("name", "argument"),
     [("simulate", "rng"), ("simulate", "motion"), ("calibrate", "recordings"), ("convergence", "recording"),
