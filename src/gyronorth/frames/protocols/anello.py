@@ -73,8 +73,8 @@ def _fields(rows: Bytes, layout: int) -> Fields:
 def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     if layout < _LEAST_OF_THREE:
         raise InputError(
-            f"The #APIMU or #APIM1 lines have {layout} fields: such a unit has one optical gyro (z) and MEMS gyros, which "
-            "cannot find north. Lines with OG_WX, OG_WY and OG_WZ (13 fields or more, as of the X3) are expected."
+            f"The #APIMU or #APIM1 lines have {layout} fields: such a unit has one optical gyro (z) and MEMS gyros, "
+            "which cannot find north. Lines with OG_WX, OG_WY and OG_WZ (13 fields or more, as of the X3) are expected."
         )
     return Scale()
 
