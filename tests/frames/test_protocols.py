@@ -334,6 +334,23 @@ def test_anello_real_line_is_whole_and_refused():
         decode(real * 10)
 
 
+@pytest.mark.parametrize("sync", ["", "0.000,"])
+def test_anello_m1_lines_have_no_odometer(sync):
+    def lines(optical: str) -> bytes:
+        return b"".join(
+            encoders.xor_line(f"#APIM1,{10 * i:.3f},{sync}0.01,0.02,1.00{i % 7},0.1,0.2,0.3,{optical},44.1")
+            for i in range(80)
+        )
+
+    with pytest.raises(InputError, match="one optical gyro"):
+        decode(lines("0.001234"))
+    if sync:
+        samples, report = decode(lines("0.001234,-0.002345,0.003456"))
+        assert (report.protocol, report.rate_hz, len(samples)) == ("anello", 100.0, 80)
+        assert samples.gyro[3] == pytest.approx(np.radians([0.001234, -0.002345, 0.003456]))
+        assert samples.temperature[5] == 44.1
+
+
 def test_anello_x3_range_and_status():
     def frame(i: int, rate: int, status: int) -> bytes:
         payload = struct.pack("<QQ3h3h3i3hhHHBBB", 5_000_000 * i, 0, 0, 0, -4096, 1, 2, 3, rate, 0, 0, 4, 5, 6, 2500,

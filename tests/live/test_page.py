@@ -359,6 +359,22 @@ def test_elsewhere_a_token_is_needed_once(monkeypatch):
     assert asked(other, headers={**there, "cookie": cookie})[0]["status"] == 401  # of another run
 
 
+def test_a_program_sends_the_token_with_each_request(monkeypatch):
+    access = Access(opened, token="secret", loopback=False, port=8080)
+    there = {"host": "north.local:8080"}
+    monkeypatch.setattr(access_module, "DELAY", 0.0)
+    for kind in ("http", "websocket"):
+        for scheme in ("Bearer", "bearer"):
+            assert asked(access, headers={**there, "authorization": f"{scheme} secret"}, kind=kind) == [
+                {"type": "opened"}
+            ]
+    for wrong in ("Bearer wrong", "Bearer ", "Basic secret", "secret"):
+        assert asked(access, headers={**there, "authorization": wrong})[0]["status"] == 401
+        assert asked(access, headers={**there, "authorization": wrong}, kind="websocket")[0]["code"] == 1008
+    elsewhere = {**there, "authorization": "Bearer secret", "origin": "http://evil.example"}
+    assert asked(access, headers=elsewhere)[0]["status"] == 403
+
+
 @pytest.mark.parametrize(
     "odd",
     [{"host": "[::1"}, {"host": "127.0.0.1:x"}, {"host": ""}, {}, {"host": "a@127.0.0.1"}, {"host": "127.0.0.1 x"}],

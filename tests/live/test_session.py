@@ -256,6 +256,7 @@ def test_a_source_that_stalls_makes_the_heading_invalid(tmp_path, monkeypatch):
     session.close()
     (stalled,) = seen
     assert codes(stalled) == ["stalled"]
+    assert stalled.rate_of_turn is None
     assert session.status.counters.stalls >= 1
     assert codes(session.status) == []
 

@@ -12,10 +12,11 @@ from live_stream import HEAD, seconds, session_of, timed_rows
 from still import LATITUDE
 
 from gyronorth.alignment.turned.bound import turned_sigma
+from gyronorth.findings import Finding
 from gyronorth.live.countdown import Countdown
 from gyronorth.live.holding import Held
 from gyronorth.live.status import Status
-from gyronorth.live.wording import marks, verdict, verdict_short
+from gyronorth.live.wording import lights, marks, verdict, verdict_short
 from gyronorth.planning import plan
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 
@@ -71,6 +72,26 @@ def test_a_held_heading_says_so_and_for_how_long(running):
     assert 'data-fitness="held"' in page
     beyond = replace(held, require_sigma=radians(0.1))
     assert (beyond.fitness, beyond.to_json()["valid"]) == ("degraded", False)
+
+
+def test_the_verdict_looks_as_good_as_it_is(running):
+    held = replace(running, held=Held(radians(123.4), radians(0.5), 0.0, 0.0, 42.0))
+    lost = replace(running, trouble="stalled", findings=(Finding("stalled", "No data for 3 s."),))
+    for status, look, mark in (
+        (running, "verdict valid", "✓ Valid"),
+        (held, "verdict held", "▲ Held"),
+        (uncertain(running, radians(0.1)), "verdict invalid short", "▲ Degraded"),
+        (lost, "verdict invalid", "✕ Invalid: no data"),
+    ):
+        assert f'class="{look}"' in verdict(status)
+        assert mark in verdict(status)
+
+
+def test_a_heading_that_moved_is_explained_once(running):
+    moved = Finding("motion", "The unit turned by 12 deg.")
+    text = lights(replace(running, findings=(moved,)))
+    assert text.count(moved.message) == 1
+    assert "Heading: must not be used" in text
 
 
 def test_marks_are_listed_only_where_there_are_some(running):

@@ -1,12 +1,15 @@
 """What a package index shows, and the recipe beside pyproject.toml."""
 
 import importlib.util
+import json
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
+from threading import Thread
 
 import jinja2
 import pytest
@@ -116,6 +119,23 @@ def test_the_image_copies_all_that_the_build_reads(tmp_path):
     command = [sys.executable, "-m", "hatchling", "metadata", "version"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
     assert done.stdout.strip() == PROJECT["version"], done.stderr
+
+
+@pytest.mark.parametrize(("status", "well"), [(200, True), (401, False), (503, False)])
+def test_the_image_asks_for_its_health_with_the_token(status, well, monkeypatch):
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            known = self.headers["Authorization"] == "Bearer of the run" and self.path == "/healthz"
+            self.send_response(status if known else 401)
+            self.end_headers()
+
+    text = (ROOT / "deploy/Containerfile").read_text()
+    _, option, program = json.loads(re.search(r"^HEALTHCHECK .*CMD (\[.+\])$", text, re.MULTILINE)[1])
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        Thread(target=server.handle_request, daemon=True).start()
+        monkeypatch.setenv("GYRONORTH_TOKEN", "of the run")
+        command = [sys.executable, option, program.replace("8080", str(server.server_port))]
+        assert (subprocess.run(command, capture_output=True).returncode == 0) is well
 
 
 def test_the_image_installs_an_extra_that_there_is_and_a_python_that_is_tested():

@@ -146,13 +146,13 @@ PROTOCOLS: tuple[ProtocolInfo, ...] = (
     ),
     ProtocolInfo(
         "anello",
-        "ANELLO #APIMU",
+        "ANELLO #APIMU, #APIM1",
         "ANELLO IMU+, EVK, GNSS INS",
         "text",
         "anello",
         time=True,
         declare="axes",
-        output="#APIMU",
+        output="#APIMU, or #APIM1 of a unit with three optical gyros",
     ),
     ProtocolInfo(
         "anello-x3",

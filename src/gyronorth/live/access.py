@@ -1,7 +1,8 @@
 """Who may open the page, anyone on this machine and elsewhere whoever knows the token; and how many at a time.
 
-Every request and every web socket passes here. The token comes once in the address,
-`?token=...`, and is then a cookie; it is compared in constant time, and wrong ones wait.
+Every request and every web socket passes here. From a browser the token comes once in the address,
+`?token=...`, and is then a cookie; a program sends it with each request, `Authorization: Bearer ...`.
+It is compared in constant time, and wrong ones wait.
 """
 
 from __future__ import annotations
@@ -99,6 +100,9 @@ class Access:
             await _refuse(scope, receive, send, 403, "<h1>403: another site</h1>")
         elif self._token is None or _equal(_cookie(headers, self._cookie_name), self._cookie):
             await self._app(scope, receive, send)
+        elif bearer := _bearer(headers):
+            answer = self._app if _equal(bearer, self._token) else self._wrong_token
+            await answer(scope, receive, send)
         else:
             await self._without_cookie(scope, receive, send)
 
@@ -171,6 +175,11 @@ def _equal(given: str, wanted: str) -> bool:
     """Compare in constant time, whatever the lengths."""
     digests = (hashlib.sha256(text.encode("utf-8", "replace")).digest() for text in (given, wanted))
     return hmac.compare_digest(*digests)
+
+
+def _bearer(headers: dict[str, str]) -> str:
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    return token.strip() if scheme.lower() == "bearer" else ""
 
 
 def _cookie(headers: dict[str, str], name: str) -> str:

@@ -62,8 +62,8 @@ def build(session: Session) -> None:
             )
         settings = session.settings
         countdown = Countdown(settings.sensor, settings.require_sigma)
-        pictures = [_Picture(lambda status: wording.verdict(status, countdown.text(status)), session)]
         ui.html('<p data-alarm role="alert"></p>', sanitize=False)
+        pictures = [_Picture(lambda status: wording.verdict(status, countdown.text(status)), session)]
         said = ui.html(sanitize=False).classes("unseen").props('role="status" aria-live="polite"')
         actions = _buttons(session, dark)
         saved = ui.html(sanitize=False)

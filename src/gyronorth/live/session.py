@@ -530,7 +530,7 @@ class Session:
             self._status,
             held=held,
             alignment=self._alignment,
-            rate_of_turn=None if holding is None else holding.rate_of_turn,
+            rate_of_turn=None if holding is None or self._trouble else holding.rate_of_turn,
             state=self._state,  # type: ignore[arg-type]
             connected=not self._trouble,
             trouble=self._trouble,

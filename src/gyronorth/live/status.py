@@ -167,7 +167,7 @@ class Status:
             "fitness": self.fitness,
             "age_s": self.age,
             "held_s": None if self.held is None else self.held.since,
-            "alignment_deg": degrees(self.alignment),
+            "alignment_deg": round(degrees(self.alignment), 9),
             "rate_of_turn_deg_min": None if self.rate_of_turn is None else degrees(self.rate_of_turn) * 60,
             "replay": self.replay,
             "source": self.source,

@@ -14,6 +14,14 @@ from gyronorth.report.wording import duration_text, heading_text, interval_text,
 
 #: What a light shows: class -> sign. The signs differ in shape, not in colour alone.
 SIGNS = {"ok": "✓", "care": "▲", "bad": "✕", "off": "○"}
+#: How the verdict looks: fitness -> class, sign. Only a heading that is valid or held is not struck out.
+LOOKS = {
+    "valid": ("valid", "✓"),
+    "held": ("held", "▲"),
+    "aligning": ("invalid short", "…"),
+    "degraded": ("invalid short", "▲"),
+    "invalid": ("invalid", "✕"),
+}
 #: Codes of findings in the words of the verdict.
 SHORT = {row.code: row.short for row in FINDINGS}
 #: A turned unit that has stood for less than this, s, is still turning or settling.
@@ -45,7 +53,7 @@ def verdict(status: Status, wait: str = "") -> str:
             done = f" {status.seconds:.0f} s so far." if status.seconds else ""
             lines = [f"Looking at the first samples.{done}"]
     else:
-        kind, sign = ("valid", "✓") if estimate.valid else ("invalid", "✕")
+        kind, sign = LOOKS[status.fitness]
         big = "---.-°" if estimate.heading is None else f"{heading_text(_deg(estimate.heading), decimals=1, width=5)}°"
         lines = [wait, *_estimate_lines(estimate)]
         if status.rate_of_turn is not None and status.state == "running":
@@ -135,7 +143,11 @@ def _validity(status: Status) -> tuple[str, str, str, list[str]]:
         return "Heading", "care", "held", ["It is carried on by the gyro until the unit stands still again.", *warnings]
     if estimate.valid:
         return "Heading", "ok", "valid", warnings
-    return "Heading", "bad", "must not be used", [finding.message for finding in estimate.reasons] + warnings
+    reasons = [
+        "The unit moved." if finding.code == "motion" else finding.message  # the other light says how
+        for finding in estimate.reasons
+    ]
+    return "Heading", "bad", "must not be used", reasons + warnings
 
 
 def _recording(status: Status) -> tuple[str, str, str, list[str]]:

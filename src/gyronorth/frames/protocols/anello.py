@@ -1,11 +1,11 @@
-"""ANELLO text output #APIMU.
+"""ANELLO text output #APIMU and #APIM1.
 
 `#APIMU,` time since power-up (ms), time of synchronisation (ms; only in newer firmware), AX, AY, AZ (g), WX, WY, WZ of
 the MEMS gyros (deg/s), OG_WX, OG_WY, OG_WZ of the optical gyros (deg/s), ..., temperature, `*` and the exclusive or of
-all between # and * in two digits. The optical gyros are taken. Lines of units with one optical gyro (EVK, GNSS INS:
-OG_WZ alone) have the MEMS rates of x and y, and are refused: these cannot find north. A line of 11 or 12 fields is of
-such a unit (speed and time of an odometer follow OG_WZ), unless three fields in place of the optical gyros have the
-same number of decimals.
+all between # and * in two digits. #APIM1 is the same without an odometer. The optical gyros are taken. Lines of units
+with one optical gyro (EVK, Ground INS, Ground IMU: OG_WZ alone) have the MEMS rates of x and y, and are refused: these
+cannot find north. A line of 11 or 12 fields is of such a unit (speed and time of an odometer follow OG_WZ), unless
+three fields in place of the optical gyros have the same number of decimals.
 
 Sources: docs-a1.readthedocs.io; facts of the ANELLO ROS driver. Its real line (an EVK, checksum 55) is in the tests:
 the checksum holds and it is refused. The line with three optical gyros is not verified against a real one, nor is
@@ -24,10 +24,10 @@ from gyronorth.errors import InputError
 from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Scale, at_sync
 from gyronorth.frames.protocols.text import columns_from_end, fields_if_named, line_starts, protocol_of_lines, xor_holds
 
-_NAME = b"#APIMU,"
+_NAMES = b"#APIMU,", b"#APIM1,"
 _LONGEST = 256
 #: Fields after the name: with one optical gyro (without and with the time of synchronisation), with three.
-_ONE, _LEAST_OF_THREE = (10, 11, 12), 13
+_ONE, _LEAST_OF_THREE = (9, 10, 11, 12), 13
 #: Fields of lines that end with the optical gyros, and added to the layout of such lines or those with one field more.
 _SHORTEST_OF_THREE, _SHORT = 11, 1000
 #: Decimals of an optical gyro, deg/s.
@@ -39,7 +39,7 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
 
 
 def _judge(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
-    fields = fields_if_named(data, start, length, _NAME)
+    fields = np.maximum(*(fields_if_named(data, start, length, name) for name in _NAMES))
     short = np.flatnonzero((fields == _SHORTEST_OF_THREE) | (fields == _SHORTEST_OF_THREE + 1))
     fields[short[_three_alike(data, start[short], start[short] + length[short] - 3)]] += _SHORT
     return xor_holds(data, start, length), np.where(fields >= min(_ONE), fields, OTHER)
@@ -58,7 +58,7 @@ def _three_alike(data: Bytes, start: Index, star: Index) -> Mask:
 def _fields(rows: Bytes, layout: int) -> Fields:
     count = layout % _SHORT
     wanted = [0, *range(2, 5), *range(8, 11), count - 1]  # time, acceleration, optical rate, temperature
-    values = columns_from_end(rows, -3, [place - count for place in wanted])
+    values = columns_from_end(rows, -3, [min(place - count, -1) for place in wanted])  # the shortest are refused
     finite = np.isfinite(values).all(axis=1) & (np.abs(values[:, 0]) < 1e12)
     return Fields(
         gyro=np.radians(values[:, 4:7]),
@@ -73,8 +73,8 @@ def _fields(rows: Bytes, layout: int) -> Fields:
 def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
     if layout < _LEAST_OF_THREE:
         raise InputError(
-            f"The #APIMU lines have {layout} fields: such a unit has one optical gyro (z) and MEMS gyros, which cannot "
-            "find north. Lines with OG_WX, OG_WY and OG_WZ (13 fields or more, as of the IMU+ and X3) are expected."
+            f"The #APIMU or #APIM1 lines have {layout} fields: such a unit has one optical gyro (z) and MEMS gyros, "
+            "which cannot find north. Lines with OG_WX, OG_WY and OG_WZ (13 fields or more, as of the X3) are expected."
         )
     return Scale()
 
