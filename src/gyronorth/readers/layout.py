@@ -212,8 +212,8 @@ def _check_lines(lines: Sequence[str], name: str, whole: bool) -> None:
     if lines and any("\x00" in line for line in lines[:3]):
         row = next(row for row, line in enumerate(lines, start=1) if "\x00" in line)
         raise InputError(
-            f"Row {row} of {name} holds zero bytes: the file is damaged, or binary in no format that is known here. If it "
-            f"holds rows of numbers, in Python: numpy.save('imu.npy', numpy.fromfile({name!r}, '<f8').reshape(-1, "
+            f"Row {row} of {name} holds zero bytes: the file is damaged, or binary in no format that is known here. If "
+            f"it holds rows of numbers, in Python: numpy.save('imu.npy', numpy.fromfile({name!r}, '<f8').reshape(-1, "
             "COLUMNS)), with their type and how many of them a row has; and read imu.npy."
         )
 
