@@ -76,7 +76,7 @@ WORLDWIDE: list[Layout] = [
     national("shift_jis.csv", "shift_jis", "時刻[s]", "角速度{}[deg/s]", "加速度{}[m/s2]", says="shift_jis"),
     national("korean.csv", "cp949", "시간(초)", "각속도{}(도/초)", "가속도{}(m/s2)"),
     national("italian.csv", "utf-8", "tempo (s)", "velocità angolare {} (gradi/s)", "accelerazione {} (m/s^2)"),
-    national("portuguese.csv", "latin-1", "Tempo (s)", "Velocidade angular {} (graus/s)", "Aceleração {} (m/s2)"),
+    national("portuguese_latin.csv", "latin-1", "Tempo (s)", "Velocidade angular {} (graus/s)", "Aceleração {} (m/s2)"),
     national("dutch.csv", "utf-8", "Tijd (s)", "Hoeksnelheid {} (graden/s)", "Versnelling {} (m/s2)"),
     national("swedish.csv", "utf-8", "Tid (s)", "Vinkelhastighet {} (grader/s)", "Acceleration {} (m/s2)"),
     # Of gon or, in German, of degrees: physics proposes, the user agrees.
@@ -92,7 +92,7 @@ WORLDWIDE: list[Layout] = [
         0, 0, 9.8]), parts(np.tile([0, 0, 9.8], (ROWS, 1)))).encode(), FLU_AXES),
     clocked("digits_of_day.csv", "UTC", day("%H%M%S"), says="hours, minutes, s"),
     clocked("zero_led.csv", "time", stamps(lambda t: t.strftime("%H%M%S.%f"), LATE - timedelta(hours=16))),
-    clocked("day_of_year.csv", "stamp", day("061:%H:%M:%S")[:400] + [text.replace("061:", "062:") for text in day(
+    clocked("day_of_year_time.csv", "stamp", day("061:%H:%M:%S")[:400] + [text.replace("061:", "062:") for text in day(
         "061:%H:%M:%S")[400:]], says="day of the year"),
     clocked("iso_of_year.csv", "UTC", stamps(lambda t: t.strftime("%Y-%jT%H:%M:%S.%fZ"), LATE)),
     clocked("day_part.csv", "doy", [f"{61.4986 + t / 86400:.11f}" for t in TIME], says="days"),
