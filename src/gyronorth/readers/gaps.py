@@ -107,6 +107,6 @@ def even_gaps(gaps: Sequence[Gap], samples: int, rate_hz: float, source: Source)
         f"{len(gaps)} short gaps of {source.name} come so evenly that they may be none: coarse stamps of a unit at "
         f"{slower:.6g} Hz look like these, and {rate_hz:.6g} Hz is taken."
     )
-    if source.topic is None:
+    if source.topic is None and not source.ours:  # in a file of ours the gaps are filled
         message += f" If its rate is the lower one: --columns t=- --rate {slower:.5g}."
     return (Note("rate_conflict", message, value=slower, limit=rate_hz),)
