@@ -12,11 +12,12 @@ from cases.logger_layouts import LOGGERS
 from cases.more_layouts import MORE
 from cases.running import followed, info
 from cases.vendor_layouts import VENDORS
+from cases.worldwide_layouts import WORLDWIDE
 from numpy.testing import assert_allclose
 
 from gyronorth.earth import STANDARD_GRAVITY
 
-ALL = [*LAYOUTS, *MORE, *FIELD, *LOGGERS, *VENDORS]
+ALL = [*LAYOUTS, *MORE, *FIELD, *LOGGERS, *VENDORS, *WORLDWIDE]
 
 
 @pytest.mark.slow

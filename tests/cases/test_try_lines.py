@@ -170,8 +170,10 @@ CASES = [
     Asked("declared.py:_gyro_question", "Earth rate", "unit.csv", of(text([OURS]))),
     Asked("declared.py:_open", "does not state its rate", "rate.csv",
           of(text(titled(*fields), PLAIN[1:], TEXT_TIME[1:])), fill=tuple(HZ.items())),
-    Asked("formats/csv.py:_by_numbers", "No title of letters.csv is known", "letters.csv", of(text(["a,b,c,d,e,f,g"]))),
-    Asked("formats/csv.py:_by_numbers", "No title of digits.csv is known", "digits.csv", of(text(["a,b,c,1,2,d,e"]))),
+    Asked("columns.py:by_numbers_of_titles", "No title of letters.csv is known", "letters.csv",
+          of(text(["a,b,c,d,e,f,g"]))),
+    Asked("columns.py:by_numbers_of_titles", "No title of digits.csv is known", "digits.csv",
+          of(text(["a,b,c,1,2,d,e"]))),
     Asked("formats/csv.py:_chosen", "has no header", "bare.csv", of(text([]))),
     Asked("formats/csv.py:_counting", "its columns w_x, ... hold whole numbers", "lsb.csv", of(text(
         ["# gyro: 100000000 LSB/(deg/s), accel: 1000000 LSB/g", "t_s,gx,gy,gz,ax,ay,az"],
@@ -194,7 +196,7 @@ CASES = [
     Asked("reading.py:check", "--gyro-unit", "rads.csv", of(text([OURS], (TIME, *GYRO.T, *FORCE.T), ("%.3f", *[
         "%.14f"] * 3, *["%.6f"] * 3))), (*FRD, "--gyro-unit", "deg/s", "--accel-unit", "m/s2")),
     Asked("text_clock.py:_unit", "in a unit that is not known", "unit.csv",
-          of(text(titled("timestamp", *fields), with_time(whole(12.5e6, 99)), TEXT_TIME)), ()),
+          of(text(titled("timestamp", *fields), with_time(whole(12.5e6, 99)), TEXT_TIME)), (), fill=tuple(HZ.items())),
     Asked("text_clock.py:_written", "which is no time", "words.csv",
           of(text(titled("time", *fields), with_time([f"sample {i}" for i in range(ROWS)]), TEXT_TIME)),
           (*FRD, "--columns", "t=time"), fill=tuple(HZ.items())),

@@ -12,6 +12,8 @@ from math import radians
 from pathlib import Path
 from typing import Any
 
+import h5py
+import mcap.writer
 import numpy as np
 import openpyxl
 import pyarrow as pa
@@ -19,6 +21,7 @@ import pyarrow.parquet as pq
 import scipy.io
 import zstandard
 from fuzz.libraries import foreign
+from pyarrow import orc
 
 from gyronorth import Recording
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
@@ -97,11 +100,8 @@ def base_files(folder: Path) -> list[tuple[str, bytes, Options]]:
         scipy.io.savemat(file, structs, **how)
         bases.append((f"navego{number}.mat", file.getvalue(), {"latitude": LATITUDE, "axes": "frd"}))
     bases += boxes(time, gyro, accel, table, units, bases[0][1])
-    return (
-        bases
-        + texts(time, gyro, accel)
-        + foreign(folder, gyro, accel, {**axes, "gyro_unit": "rad/s", "accel_unit": "m/s2"})
-    )
+    others = foreign(folder, gyro, accel, {**axes, "gyro_unit": "rad/s", "accel_unit": "m/s2"})
+    return bases + texts(time, gyro, accel) + others + described(folder, time, gyro, accel)
 
 
 def boxes(
@@ -200,3 +200,42 @@ def texts(time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[s
     influx = "".join(INFLUX.format(*row[1:], 17 * 10**17 + i * 10**9) for i, row in enumerate(rows))
     found.append(("influx.txt", influx.encode(), {**si, "time_unit": "ns"}))
     return [*found, ("gnss_log.txt", ("\n".join(logger) + "\n").encode(), {"axes": "flu", "latitude": LATITUDE})]
+
+
+def described(folder: Path, time: np.ndarray, gyro: np.ndarray, accel: np.ndarray) -> list[tuple[str, bytes, Options]]:
+    """Messages with their definition, streams of Arrow, ORC, groups of HDF5, and columns of phones and of counts."""
+    si = {"gyro_unit": "rad/s", "accel_unit": "m/s2", "axes": "frd", "latitude": LATITUDE}
+    file = io.BytesIO()
+    writer = mcap.writer.Writer(file)
+    writer.start(profile="ros2", library="")
+    definition = b"V stamp\nfloat64[3] gyro\nfloat64[] accel\n" + b"=" * 80 + b"\nMSG: p/V\nint32 sec\nuint32 nanosec\n"
+    schema = writer.register_schema("p/msg/M", "ros2msg", definition)
+    channel = writer.register_channel("/imu", "cdr", schema)
+    for i in range(ROWS):
+        body = struct.pack("<iI3dI4x3d", 1_700_000_000 + int(time[i]), 0, *gyro[i], 3, *accel[i])
+        writer.add_message(channel, 10**18 + i * 10**9, b"\0\1\0\0" + body, 0)
+    writer.finish()
+    titles = ("t", "w_x", "w_y", "w_z", "f_x", "f_y", "f_z")
+    table = pa.table(dict(zip(titles, (time, *gyro.T, *accel.T), strict=True)))
+    stream = pa.BufferOutputStream()
+    with pa.ipc.new_stream(stream, table.schema) as sink:
+        sink.write_table(table)
+    orc.write_table(table, str(folder / "base.orc"))
+    with h5py.File(folder / "base.h5", "w") as groups:
+        for name, values in (("gyro", gyro), ("accel", accel)):
+            groups[f"{name}/data"], groups[f"{name}/time"] = values, time
+    header = ",".join(["t (s)", *(f"{name}{a}" for name in ("gyro", "userAcceleration", "gravity") for a in "XYZ")])
+    user, down = -accel / STANDARD_GRAVITY - [0, 0, 1], np.tile([0.0, 0.0, 1.0], (ROWS, 1))
+    counts = [
+        [f"0x{round(x) & 0xFFFFFFFF:08X}" for x in (*w / 1e-9, *f / 1e-6)] for w, f in zip(gyro, accel, strict=True)
+    ]
+    text = "t_ms,gx,gy,gz,ax,ay,az\n" + "".join(f"{1000 * i},{','.join(row)}\n" for i, row in enumerate(counts))
+    scales = {"gyro_scale": 1e-9, "accel_scale": 1e-6}
+    return [
+        ("own.mcap", file.getvalue(), si),
+        ("stream.arrows", stream.getvalue().to_pybytes(), {**si, "time_unit": "s"}),
+        ("table.orc", (folder / "base.orc").read_bytes(), {**si, "time_unit": "s"}),
+        ("groups.h5", (folder / "base.h5").read_bytes(), {**si, "time_unit": "s"}),
+        ("phone.csv", f"{header}\n{rows_of([time, gyro, user, down], ',')}".encode(), {**si, "accel_unit": "g"}),
+        ("hex.csv", text.encode(), {**si, **scales}),
+    ]

@@ -74,5 +74,6 @@ def foreign(head: bytes, name: str) -> str | None:
         return f"{name} is a tar archive, which is not read. Unpack it first: tar xf {name}."
     for begin, what, cure in _FOREIGN:
         if head.startswith(begin):
-            return f"{name} is {what}, which is not read. {cure.format(name=name)}."
+            command = cure.format(name="FILE" if name == "standard input" else name)
+            return f"{name} is {what}, which is not read. {command}."
     return None

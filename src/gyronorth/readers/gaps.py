@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from gyronorth.arrays import Array, Index
 from gyronorth.errors import InputError
-from gyronorth.recording import Gap
+from gyronorth.readers.source import Source
+from gyronorth.recording import Gap, Note
 
 #: Longest gap that is bridged, s, and largest share of samples that may be missing or dropped.
 LONGEST_GAP = 10.0
 MOST_MISSING = 0.1
 #: The same where parts are judged one by one, see `judged_in_parts`.
 LONGEST_KEPT = 86400.0
+#: Gaps of so many samples are short; fewest of them that tell, and the statistic of Kuiper below which they are even.
+SHORT, FEWEST_GAPS, EVEN = 3, 20, 0.55
 #: Samples across a gap that are made at once.
 PIECE = 1 << 18
 
@@ -74,3 +77,36 @@ def judged_in_parts(gaps: tuple[Gap, ...], *, samples: int, rate_hz: float) -> N
             f"{missing} of {samples} samples of this window are missing, up to {longest:.6g} s at a stretch; up to "
             f"{MOST_MISSING:.0%}, and {LONGEST_GAP:g} s at a stretch, are bridged."
         )
+
+
+def _rate_without_losses(gaps: Sequence[Gap], samples: int, rate_hz: float) -> float | None:
+    """The rate, Hz, if short gaps are none: they come more evenly than losses do; None where they come as losses do.
+
+    Stamps that are rounded to ticks of nearly the sample interval show a loss wherever a tick is passed over. Losses
+    come at random: the statistic of Kuiper [1]_ of their places is below `EVEN` once in 10,000 files.
+
+    References
+    ----------
+    .. [1] N. H. Kuiper, "Tests concerning random points on a circle", Proc. KNAW A 63, 1960, pp. 38-47.
+    """
+    places = np.sort([gap.start * rate_hz / max(samples, 1) for gap in gaps if gap.samples <= SHORT])
+    missing = sum(gap.samples for gap in gaps)
+    if len(places) < FEWEST_GAPS or sum(gap.samples for gap in gaps if gap.samples <= SHORT) < 0.9 * missing:
+        return None
+    share = np.arange(1, len(places) + 1) / len(places)
+    kuiper = np.max(share - places) + np.max(places - share + 1 / len(places))
+    return rate_hz * (samples - missing) / samples if kuiper * np.sqrt(len(places)) < EVEN else None
+
+
+def even_gaps(gaps: Sequence[Gap], samples: int, rate_hz: float, source: Source) -> tuple[Note, ...]:
+    """What to say of gaps that come so evenly that the rate may be a lower one."""
+    slower = _rate_without_losses(gaps, samples, rate_hz)
+    if slower is None:
+        return ()
+    message = (
+        f"{len(gaps)} short gaps of {source.name} come so evenly that they may be none: coarse stamps of a unit at "
+        f"{slower:.6g} Hz look like these, and {rate_hz:.6g} Hz is taken."
+    )
+    if source.topic is None and not source.ours:  # in a file of ours the gaps are filled
+        message += f" If its rate is the lower one: --columns t=- --rate {slower:.5g}."
+    return (Note("rate_conflict", message, value=slower, limit=rate_hz),)

@@ -32,6 +32,7 @@ WORDS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", None: "bla
 COMMENT = re.compile(r"(?:#|%|//)\s*([A-Za-z_]+)\s*:(.*)$")
 #: Encodings of titles that are no UTF-8, besides Latin-1, and titles that are looked at.
 NATIONAL, MOST_TITLES = ("cp1251", "gbk", "shift_jis", "cp949", "euc_jp", "cp1250", "koi8-r"), 200
+_UNIT = re.compile(r"[\[(].*")
 #: Longest line that may state a rate: the pattern takes the square of it.
 _LONGEST_STATEMENT = 200
 _RATE = re.compile(
@@ -190,7 +191,8 @@ def _encoding_of_titles(above: bytes) -> str:
             cells = re.split(r"[,;\t|]", above.decode(encoding or "latin-1"))
         except UnicodeDecodeError:
             return -1
-        return sum(bool(take_apart(cell).kind) for cell in cells[:MOST_TITLES])
+        # A unit alone tells a sensor in any encoding, its words do not.
+        return sum(bool(take_apart(text).kind) for cell in cells[:MOST_TITLES] for text in (cell, _UNIT.sub("", cell)))
 
     return max(("", *NATIONAL), key=known)
 

@@ -24,6 +24,8 @@ from gyronorth.readers.titles import Title, take_apart
 #: Words of the part without gravity -> sign of the sum; Apple's raw acceleration in files of SensorLog.
 PARTS = (("user", -1.0), ("linear", 1.0), ("lin", 1.0))
 SENSOR_LOG = "accelerometerAcceleration"
+#: With both, the preset of SensorLog applies, which turns the sign itself.
+OF_A_PRESET = (SENSOR_LOG, "gyroRotation")
 _ACCELERATION = frozenset(("acceleration", "accel", "acc"))
 #: g of a gravity in g, rows that are looked at at least.
 ONE_G, FEWEST = (0.9, 1.1), 3
@@ -41,7 +43,7 @@ def rewriting_of_parts(lines: Sequence[bytes]) -> Rewriting | None:
     delimiter = max((",", ";", "\t"), key=texts[0].count)
     titles, *rows = (split(text, delimiter) for text in texts)
     rows = [row for row in rows if len(row) == len(titles)]
-    if len(titles) < 6 or len(rows) < FEWEST:
+    if len(titles) < 6 or len(rows) < FEWEST or all(any(title.startswith(s) for title in titles) for s in OF_A_PRESET):
         return None
     parts = [take_apart(title) for title in titles]
     raw = [i for i, title in enumerate(titles) if title.startswith(SENSOR_LOG) and parts[i].unit == "g"]

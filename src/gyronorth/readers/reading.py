@@ -16,6 +16,7 @@ from gyronorth.errors import InputError
 from gyronorth.given import checked_path, of_kind
 from gyronorth.readers.asking import OpenQuestion, ask, declared_options, in_pairs
 from gyronorth.readers.declared import forgotten_accelerometer, in_place_of, resolve
+from gyronorth.readers.gaps import even_gaps
 from gyronorth.readers.grid import JITTER
 from gyronorth.readers.grid_stream import GridStream
 from gyronorth.readers.options import ReadOptions
@@ -302,6 +303,7 @@ class Reading(GridStream):
             if self.source.topic is None:
                 message += " If the unit's rate is another one: --columns t=- --rate HZ."
             notes += (Note("time_jitter", message, value=self.grid.jitter, limit=JITTER),)
+        notes += even_gaps(gaps, samples, self.rate_hz, self.source)
         if counts.wraps:
             causes = " and as ".join(dict.fromkeys(counts.wraps))
             message = (
