@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from still import HEADING, LATITUDE, SI, csv_file, csv_rows, still
 
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.catalogue import WRITTEN_SUFFIXES
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
 from gyronorth.readers import describe, read, write
@@ -149,3 +153,54 @@ def test_a_recording_slower_than_one_sample_a_second_reads_back(tmp_path: Path, 
     gyro, force = still(100)
     write(Recording(gyro, force, 0.5), tmp_path / f"slow{suffix}")
     assert read(tmp_path / f"slow{suffix}").rate_hz == 0.5
+
+
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """No file may grow beyond so many bytes, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def writers() -> dict[str, Callable[[Path], object]]:
+    """Everything of the API that writes a file, by what its name ends in."""
+    from gyronorth import read_sensor, write_sensor
+    from gyronorth.deviation import fit_deviation
+    from gyronorth.learn.settings import paper, write_settings
+    from gyronorth.many.table import write_table
+    from gyronorth.report.tables import Outcome
+
+    recording = Recording(np.full((600, 3), 5e-5), np.tile([0.0, 0.0, -9.8], (600, 1)), 1.0)
+    angle = np.arange(7.0)
+    curve = fit_deviation(angle + np.sin(angle) / 9, angle / 99, angle)
+    rows = [Outcome("rec.csv", message="damaged")] * 9
+    return {
+        **{f"recording{suffix}": lambda path: write(recording, path) for suffix in WRITTEN_SUFFIXES},
+        "sensor.json": lambda path: write_sensor(read_sensor("stim300"), path),
+        "curve.json": curve.write,
+        "settings.yaml": lambda path: write_settings(paper(), path),
+        "table.csv": lambda path: write_table(path, "{}", rows),
+        "table.parquet": lambda path: write_table(path, "{}", rows),
+    }
+
+
+#: Names of files that the API writes.
+WRITTEN = (*(f"recording{suffix}" for suffix in WRITTEN_SUFFIXES), "sensor.json", "curve.json", "settings.yaml",
+           "table.csv", "table.parquet")  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WRITTEN)
+def test_on_a_full_disk_the_old_file_is_whole(tmp_path, name):
+    path = tmp_path / name
+    use = writers()[name]
+    use(path)  # libraries are loaded, and it works
+    path.write_text("before")
+    with room_for(100), pytest.raises(InputError, match="cannot be written"):
+        use(path)
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]

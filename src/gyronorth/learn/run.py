@@ -7,7 +7,6 @@ from typing import Literal
 
 from gyronorth.alignment.networks.bundle import Bundle
 from gyronorth.errors import InputError
-from gyronorth.files import written_beside
 from gyronorth.learn.data import TrainingData
 from gyronorth.learn.export import check_export, export_bundle
 from gyronorth.learn.settings import Settings, read_settings, write_settings
@@ -50,8 +49,7 @@ def run_training(
     if denoised:
         denoiser_data(settings)  # refuses too few headings
     folder.mkdir(parents=True, exist_ok=True)
-    with written_beside(folder / "settings.yaml") as beside:
-        write_settings(settings, beside)
+    write_settings(settings, folder / "settings.yaml")
     run = Run(folder=folder, bar=progress)
     # A finished stage only reads its checkpoint.
     denoiser = train_denoiser(settings, run=run) if denoised else None

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 from gyronorth.alignment.networks.bundle import MOST_SAMPLES, Latitude, Positive, Strict
 from gyronorth.alignment.networks.diffusion import SEEDS, Sampler, Schedule, check_steps
 from gyronorth.errors import InputError
-from gyronorth.files import read_bounded
+from gyronorth.files import read_bounded, write_text
 
 #: Largest file, bytes.
 LARGEST = 1 << 20
@@ -176,7 +176,13 @@ def read_settings(path: str | Path) -> Settings:
 
 
 def write_settings(settings: Settings, path: str | Path) -> None:
-    """Write settings as YAML, every key named."""
+    """Write settings as YAML, every key named.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; what stood there is whole then.
+    """
     import yaml
 
-    Path(path).write_text(yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
+    write_text(path, yaml.safe_dump(settings.model_dump(mode="json"), sort_keys=False))

@@ -102,7 +102,9 @@ def columns_of(
     rows, width = (width, rows) if wide else (rows, width)
     if width == 1:
         return {name: Column(name, rows, 0, turned != wide)}
-    return {f"{name}[{k}]": Column(name, rows, k, turned != wide) for k in range(width) if width <= MOST_COLUMNS}
+    if width > MOST_COLUMNS:  # of a damaged file 2^31
+        return {}
+    return {f"{name}[{k}]": Column(name, rows, k, turned != wide) for k in range(width)}
 
 
 def under(there: Mapping[str, Column], variable: str | None, name: str, *, mark: str) -> dict[str, Column]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from gyronorth.apart import Apart, Limits
 from gyronorth.errors import InputError
+from gyronorth.readers.library import errors_translated
 from gyronorth.readers.source import Block, Parts, Source
 
 #: Bytes that any file may decode to, and how many more for each of its own. Recordings pack to a third or a
@@ -88,12 +89,17 @@ def open_apart(open_it: Callable[[], Source], *, name: str, size: int, packed: i
         What `open_it` raises; or if the limits are exceeded, here or while the blocks are read.
     """
     child = Apart(lambda: _Decoder(open_it()), limits=limits_of(size, packed), what=name)
-    source: Source = child.ask(("source",))
+
+    def ask(*request: Any) -> Any:
+        with errors_translated(name, "file of its format"):  # a damaged one may hold anything in place of a number
+            return child.ask(request)
+
+    source: Source = ask("source")
     parts = source.parts
     return replace(
         source,
-        blocks=partial(_blocks, child),
-        parts=None if parts is None else replace(parts, read=lambda share: child.ask(("part", share))),
+        blocks=partial(_blocks, ask),
+        parts=None if parts is None else replace(parts, read=partial(ask, "part")),
     )
 
 
@@ -125,9 +131,9 @@ def _elsewhere(*_: Any) -> Any:
     raise NotImplementedError
 
 
-def _blocks(child: Apart) -> Iterator[Block]:
-    number = child.ask(("blocks",))
-    while (block := child.ask(("next", number))) is not None:
+def _blocks(ask: Callable[..., Any]) -> Iterator[Block]:
+    number = ask("blocks")
+    while (block := ask("next", number)) is not None:
         yield block
 
 

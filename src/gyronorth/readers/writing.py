@@ -38,8 +38,5 @@ def write_chunks(chunks: Iterable[Recording], path: str | Path) -> None:
         raise InputError(f"{path.name}: a recording is written as {', '.join(others)} or {last}.")
     outgoing = RecordingStream(chunks)
     outgoing.texts()  # a fact that cannot be written is told before the work
-    try:
-        with written_beside(path, durable=True) as beside:
-            writer(outgoing, beside)
-    except RuntimeError as error:  # HDF5, on a full disk
-        raise InputError(f"{path} cannot be written: {str(error)[:200]}") from None
+    with written_beside(path, durable=True) as beside:
+        writer(outgoing, beside)

@@ -7,6 +7,7 @@ matrices transposed; they are turned back.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -97,7 +98,7 @@ def write_hdf5(outgoing: RecordingStream, path: Path) -> None:
     """Write a recording as an HDF5 file."""
     h5py = library("h5py", path.name, "HDF5")
     shapes = {TIME: (), _GYRO: (3,)} | ({_ACCEL: (3,)} if outgoing.has_accel else {})
-    with h5py.File(path, "w") as file:
+    with _Written(path) as written, h5py.File(written, "w") as file:
         datasets = {
             name: file.create_dataset(
                 name, (0, *shape), "f8", maxshape=(None, *shape), chunks=(CHUNK_ROWS, *shape), fletcher32=True
@@ -105,12 +106,59 @@ def write_hdf5(outgoing: RecordingStream, path: Path) -> None:
             for name, shape in shapes.items()
         }
         for rows in outgoing.rows():
+            if written.failed is not None:
+                break
             values = {TIME: rows.numbers() / outgoing.rate_hz, _GYRO: rows.gyro_b, _ACCEL: rows.accel_b}
             for name, dataset in datasets.items():
                 dataset.resize(rows.first + len(rows.gyro_b), axis=0)
                 dataset[rows.first :] = values[name]
         for key, text in outgoing.texts().items():
             file.attrs[key] = text
+
+
+class _Written(io.FileIO):
+    """A file that takes what finds no room on the disk, and says so at its end.
+
+    HDF5 does not bear that a write fails: it tries again when it closes the file, and at the end, and crashes there.
+    So nothing that happens here reaches it, Ctrl-C neither.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self.failed: BaseException | None = None
+
+    def write(self, content: Any, /) -> int:
+        """Write all, or nothing any more."""
+        with memoryview(content).cast("B") as rest:
+            done, size = 0, rest.nbytes
+            try:
+                while self.failed is None and done < size:
+                    done += super().write(rest[done:])
+            except BaseException as error:
+                self.failed = error
+            return size
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Read; what was not written is zero."""
+        with memoryview(buffer).cast("B") as into:
+            got = super().readinto(into)
+            if self.failed is not None:
+                into[got:] = bytes(into.nbytes - got)
+                return into.nbytes
+            return got
+
+    def truncate(self, size: int | None = None, /) -> int:
+        """Change the length."""
+        try:
+            return super().truncate(size)
+        except BaseException as error:
+            self.failed = self.failed or error
+            return size or 0
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+        if self.failed is not None:
+            raise self.failed
 
 
 @contextmanager
