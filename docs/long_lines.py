@@ -1,7 +1,7 @@
 """A hook of the documentation: where lines may end.
 
 Commands and their messages are wrapped at the end of the page; other blocks scroll: code, whose indentation counts, and
-rows of tables. An option is never broken, nor a number from its percent sign; the long name of a function is, at `_`.
+rows of tables. An option is never broken, nor a number from its percent sign; a long name is, behind `_` and `.`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ROW = re.compile(r"\S {2,}\S.*\S {2,}\S")
 CODE = re.compile(r"(<code\b.*?</code>)", re.DOTALL)
 TAG = re.compile(r"(<[^>]*>)")
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
-LONG_NAME = re.compile(r"\w{30,}")
+LONG_NAME = re.compile(r"[\w.]{30,}")
 
 
 def on_page_content(content: str, **_: object) -> str:
@@ -37,7 +37,7 @@ def _code(piece: str) -> str:
     texts = TAG.split(piece)
     for number in range(0, len(texts), 2):
         whole = OPTION.sub(r'<span class="option">\g<0></span>', texts[number])
-        texts[number] = LONG_NAME.sub(lambda name: name[0].replace("_", "_<wbr>"), whole)
+        texts[number] = LONG_NAME.sub(lambda name: re.sub(r"[_.]", r"\g<0><wbr>", name[0]), whole)
     return "".join(texts)
 
 

@@ -54,7 +54,8 @@ plt.tight_layout()
 # ## Where 0.74 can come from: the augmentation
 #
 # It turns each training recording by up to 20 deg, its error along with it. Whatever learns that perfectly subtracts
-# the mean error of the known recordings within the span. No network is needed:
+# the mean error of the known recordings within the span. No network is needed. Here with whole recordings; with
+# windows of 100 s, as on the results page, more of the splits reach 0.74.
 
 # %%
 data = published_twin(rng=np.random.default_rng(0))

@@ -259,6 +259,7 @@ def convergence(
     Parameters
     ----------
     recording : Recording
+        One pose, of any length.
     latitude, sensor, method, model, attitude : optional
         As in `heading`.
     points : int

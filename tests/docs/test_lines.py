@@ -29,6 +29,7 @@ def module(name: str):
         ),
         ("<p>not here: --out</p>", "<p>not here: --out</p>"),
         (f"<code>{'test_' * 6}</code>", f"<code>{'test_<wbr>' * 6}</code>"),
+        (f"<code>{'of.names.' * 4}x</code>", f"<code>{'of.<wbr>names.<wbr>' * 4}x</code>"),
     ],
 )
 def test_options_and_percentages_stay_whole_and_long_names_break(given, expected):
