@@ -132,6 +132,9 @@ def _whitener(blocks: int, rate_hz: float, errors: TriadErrors, motion: BoundedM
     recording that grows by a sample costs no new factorisation.
     """
     edges = np.arange(BLOCK * blocks + 1)
+    if motion.angle == 0 and errors == TriadErrors(white=errors.white):
+        variance = NoiseLaw(errors).mean_covariance(edges[:1], edges[1:2], rate_hz=rate_hz)[0, 0]
+        return np.full(BLOCK * blocks, 1 / np.sqrt(variance))
     covariance = NoiseLaw(errors).mean_covariance(edges[:-1], edges[1:], rate_hz=rate_hz)
     if motion.angle > 0:
         covariance = covariance + motion.covariance(BLOCK * blocks, rate_hz)
@@ -145,6 +148,23 @@ def law(samples: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion
     """The law for recordings of one length of one sensor, whose platform may move."""
     whiten = _whitener(-(-samples // BLOCK), rate_hz, errors, motion)
     whiten = whiten[:samples] if whiten.ndim == 1 else whiten[:samples, :samples]
+    time, frequency, slow, share = _unwhitened(samples, rate_hz)
+    slow = whiten[:, None] * slow if whiten.ndim == 1 else whiten @ slow
+    return ToneLaw(
+        whiten=whiten,  # type: ignore[arg-type]
+        time=time,
+        frequency=frequency,
+        log_prior=np.log(1 / frequency / np.sum(1 / frequency)),
+        constant=slow[:, 0],
+        settling=slow[:, 1:],
+        share=share,
+        log_kinds=(log_kinds(share, bumped=False), log_kinds(share, bumped=True)),
+    )
+
+
+@lru_cache(maxsize=4)
+def _unwhitened(samples: int, rate_hz: float) -> tuple[Array, Array, Array, Array]:
+    """What does not depend on the noise: times, frequencies, slow columns and the share of each exponential."""
     time = (np.arange(samples) + 0.5) / rate_hz
     frequency = grid_frequencies(samples, rate_hz)
     bins = time_constant_bins(samples / rate_hz)
@@ -157,18 +177,8 @@ def law(samples: int, rate_hz: float, errors: TriadErrors, motion: BoundedMotion
     wave = np.pi * (np.arange(WALK_MODES) + 0.5)
     walk = np.sqrt(2) * np.sin(wave * time[:, None] * rate_hz / samples) / wave * WALK_RATE
     slow = np.concatenate([np.ones((samples, 1)), decay, tilt, walk], axis=1)
-    slow = whiten[:, None] * slow if whiten.ndim == 1 else whiten @ slow
     share = np.concatenate([_share(bins), np.diff(edges) / (edges[-1] - edges[0])])
-    return ToneLaw(
-        whiten=whiten,  # type: ignore[arg-type]
-        time=time,  # type: ignore[arg-type]
-        frequency=frequency,
-        log_prior=np.log(1 / frequency / np.sum(1 / frequency)),
-        constant=slow[:, 0],
-        settling=slow[:, 1:],
-        share=share,
-        log_kinds=(log_kinds(share, bumped=False), log_kinds(share, bumped=True)),
-    )
+    return time, frequency, slow, share  # type: ignore[return-value]
 
 
 def log_kinds(share: Array, *, bumped: bool) -> Array:
