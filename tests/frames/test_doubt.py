@@ -197,3 +197,21 @@ def test_a_signalling_nan_makes_no_warning_and_no_sample(name):
     frames[150] = of_another_rate(name, frames[150], b"\x01\x00\x80\x7f")
     samples, report = decode(b"".join(frames), case.protocol, case.options)
     assert (len(samples), report.unusable) == (199, 1)
+
+
+@pytest.mark.parametrize(
+    ("torn", "flagged", "told"), [(True, [200], []), (False, [200], [200]), (True, [200, 201], [200, 201])]
+)
+def test_a_status_bit_of_one_sample_alone_is_an_error_of_a_line_that_makes_some(torn, flagged, told):
+    def frame(i: int) -> bytes:
+        blocks = [(0x1020, struct.pack(">H", i)), (0x1060, struct.pack(">I", 100 * i))]
+        blocks += [(0x8020, struct.pack(">3f", *case.gyro[i])), (0x4020, struct.pack(">3f", *case.accel[i]))]
+        return xbus_frame([*blocks, (0xE020, struct.pack(">I", 0x3 | (0x0800 if i in flagged else 0)))])
+
+    case = CASES["xbus-dq"](400)
+    data = b"".join(b"\xfa torn" * torn if i == 150 else frame(i) for i in range(400))
+    samples, report = decode(data, "xbus")
+    number = samples.number
+    assert number[samples.saturated].tolist() == told
+    assert set(range(400)) - set(number.tolist()) == {150, *(flagged if not told else ())}
+    assert report.saturated == len(told)

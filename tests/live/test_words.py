@@ -87,6 +87,11 @@ def test_the_verdict_looks_as_good_as_it_is(running):
         assert mark in verdict(status)
 
 
+def test_nothing_is_said_of_motion_without_data(running):
+    assert "Motion: still" in lights(running)
+    assert "Motion: not known" in lights(replace(running, trouble="stalled"))
+
+
 def test_a_heading_that_moved_is_explained_once(running):
     moved = Finding("motion", "The unit turned by 12 deg.")
     text = lights(replace(running, findings=(moved,)))

@@ -2,9 +2,10 @@
 
 Two errors can undo each other in a sum: of frames with two wrong bits, one in eight passes an exclusive or of bytes,
 and one in sixteen a sum of bytes. A frame that does not go on from the one before waits for the next. It is damaged
-where the next goes on from the one before as if it were not there: by the clock, by the counter, or in the numbers.
-Where the next goes on from it, or from neither, the unit itself has changed, and nothing is left out. What is wrong by
-less than the noise cannot be told.
+where the next goes on from the one before as if it were not there: by the clock, by the counter, or in the numbers; not
+long behind bytes of no frame, also by its status bits: of one sample alone they are an error of the line. Where the
+next goes on from it, or from neither, the unit itself has changed, and nothing is left out. What is wrong by less than
+the noise cannot be told.
 
 A CRC-16 finds two wrong bits, and lets one damaged frame of 65,536 pass: one is doubted only where others were found to
 be damaged not long before. There two wrong ones in a row, which do not go on from each other, are found too.
@@ -47,6 +48,7 @@ class _Line:
     counter: Index | None  # (n,)
     count: Index  # (n,) number of the sample as the bytes show it
     loose: Index  # (n,) up to it, how often there were bytes of no frame
+    flags: Index  # (n,) what the unit says of each, where that is doubted
 
     def behind(self, before: _Line) -> _Line:
         """The same behind another."""
@@ -54,7 +56,8 @@ class _Line:
         counter = None if self.counter is None or before.counter is None else np.append(before.counter, self.counter)
         values, steps = np.concatenate((before.values, self.values)), np.concatenate((before.steps, self.steps))
         usable = np.append(before.usable, self.usable)
-        return _Line(values, steps, usable, ticks, counter, np.append(0, self.count), np.append(0, self.loose))
+        flags = np.append(before.flags, self.flags)
+        return _Line(values, steps, usable, ticks, counter, np.append(0, self.count), np.append(0, self.loose), flags)
 
     def at(self, place: int) -> _Line:
         """One of them."""
@@ -67,6 +70,7 @@ class _Line:
             None if self.counter is None else self.counter[part],
             np.zeros(1, np.int64),
             np.zeros(1, np.int64),
+            self.flags[part],
         )
 
 
@@ -113,9 +117,11 @@ class Doubt:
         """
         values = np.where(usable[:, None], values, 0.0)
         steps = np.abs(np.diff(values, axis=0, prepend=values[:1] if self._value is None else self._value))
-        line = _Line(values, steps, usable, fields.ticks, fields.counter, np.cumsum(shown), np.cumsum(loose, dtype=int))
-        limit = self._limits(steps)
         since = self._since_damage(loose)
+        flags = _flags(fields) * (since < BESIDE) * self._always
+        count, tears = np.cumsum(shown), np.cumsum(loose, dtype=int)
+        line = _Line(values, steps, usable, fields.ticks, fields.counter, count, tears, flags)
+        limit = self._limits(steps)
         doubt = np.where(since < BESIDE, 2, int(self._always))
         known = self._last is not None
         doubt = np.append(0, doubt) if known else doubt
@@ -189,7 +195,11 @@ class Doubt:
     def _goes_on(self, line: _Line, fields: Fields, from_: Index, to: Index, limit: Array) -> Mask:
         """Whether the samples `to` go on from the samples `from_`, (m,)."""
         near = (np.abs(line.values[to] - line.values[from_]) <= limit).all(axis=1)
-        return near & self._in_time(line, fields, from_, to) & self._in_count(line, fields, from_, to)
+        fits = self._in_time(line, fields, from_, to) & self._in_count(line, fields, from_, to)
+        return near & fits & self._in_flags(line, fields, from_, to)
+
+    def _in_flags(self, line: _Line, _fields: Fields, from_: Index, to: Index) -> Mask:
+        return np.asarray(line.flags[from_] == line.flags[to])
 
     def _in_time(self, line: _Line, fields: Fields, from_: Index, to: Index) -> Mask:
         if line.ticks is None or self._interval is None:
@@ -218,7 +228,7 @@ class Doubt:
 
     def _returns(self, line: _Line, fields: Fields, before: Index, at: Index, limit: Array, behind: Index) -> bool:
         """Whether the sample `behind` goes on from that `before`, where the one `at` does not."""
-        for rule in (self._in_time, self._in_count):
+        for rule in (self._in_time, self._in_count, self._in_flags):
             if not rule(line, fields, before, at)[0] and rule(line, fields, before, behind)[0]:
                 return True
         away = np.abs(line.values[at] - line.values[before])
@@ -247,6 +257,12 @@ class Doubt:
         self._usual = full[-1] if len(full) else self._usual
         self._steps = np.concatenate((self._steps, steps))[len(full) * BLOCK :]
         self._value = values[-1:] if len(values) else self._value
+
+
+def _flags(fields: Fields) -> Index:
+    """What the unit says of each sample, as bits, (n,)."""
+    said = (np.zeros(len(fields.gyro), bool) if flag is None else flag for flag in (fields.saturated, fields.fault))
+    return np.array([1, 2]) @ np.array([*said], np.int64)
 
 
 def _usual(steps: Array) -> Array:

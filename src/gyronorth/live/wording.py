@@ -121,6 +121,8 @@ def _motion(status: Status) -> tuple[str, str, str, list[str]]:
     estimate = status.estimate
     if estimate is None:
         return "Motion", "off", "not known yet", []
+    if status.trouble:
+        return "Motion", "off", "not known", []
     if status.held is not None:
         return "Motion", "care", "moved", [f"Last stood still {duration_text(round(status.held.since, 0))} ago."]
     moved = [finding.message for finding in estimate.reasons if finding.code == "motion"]

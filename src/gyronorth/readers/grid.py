@@ -215,9 +215,8 @@ class GridBuilder:
         """Sample interval and rate from the first usable block."""
         clock = self._source.clock
         if clock is not None:
-            time, data = block.values[:, 0], block.values[:, 1:]
-            finite = np.isfinite(time)
-            time, data = time[finite], data[finite]
+            finite = np.isfinite(block.values[:, 0])
+            time, data = block.values[finite, 0], block.values[finite, 1:]
             step = self._order.differences(time)
             twice = np.zeros(len(step), dtype=bool) if (step != 0).all() else repeats(step, data)
             interval = clock.step or measure(step[~twice], unit=clock.unit)
