@@ -102,6 +102,11 @@ WORLDWIDE: list[Layout] = [
     # Ticks of 32768 a second, which are no microseconds.
     clocked("crystal.csv", "timestamp_ticks", whole(32768), asks=True, fill=(("HZ", "100"),)),
     Layout("two_units.csv", of_two_units(), FRD, asks=True, says="the rows of I 0 alone"),
+    # A flag that turns in every row is none of two units.
+    Layout("turning.csv", table(f"time (s),index,{SIX}", SECONDS, [str(i % 2) for i in range(ROWS)], RATES, FORCES
+        ).encode(), FRD),
+    Layout("seven_bits.csv", table(f"Seq,{SIX}", [str(i % 128) for i in range(ROWS)], RATES, FORCES).encode(), FRD,
+        asks=True, fill=(("HZ", "100"),)),
     Layout("sixes.csv", table("timestamp,x,y,z,x.1,y.1,z.1", whole(1e3, 77), FORCES, RATES).encode(), FRD, asks=True),
     Layout("hexadecimal.csv", table(titled("t_us", "g{}", "a{}"), whole(1e6), [",".join(
         hexadecimal(x, 3.6e7) for x in row) for row in DPS], [",".join(hexadecimal(x, 1e6) for x in row) for row in G]

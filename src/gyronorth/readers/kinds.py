@@ -19,6 +19,8 @@ from gyronorth.readers.titles import Title, take_apart, triples
 #: Rows of several sensors: most of these, share of rows at which they turn, fewest rows of each, and how many times the
 #: spread of one their middles lie apart.
 MOST_KINDS, MANY_TURNS, FEWEST_OF_A_KIND, APART = 8, 0.2, 10, 30.0
+#: Standard errors by which means of two units differ.
+DIFFERENT = 8.0
 #: Words of a title that says which unit a row is of.
 UNIT_WORDS = frozenset(("i", "inst", "instance", "imu", "id", "unit", "device", "sensor", "number", "no", "index"))
 #: What stands in a cell without a value, in lower case.
@@ -88,9 +90,20 @@ def first_unit(layout: TextLayout, parts: Sequence[Title]) -> tuple[int, str, st
             continue
         groups = [replace(layout, rows=tuple(row for row in layout.rows if row[column] == each)) for each in units]
         feels = [is_gravity(np.column_stack([numbers(group, i) for i in force[0]])) for group in groups]
-        if _turns(np.unique(texts, return_inverse=True)[1]) >= MANY_TURNS * len(texts) and all(feels):
+        in_turn = _turns(np.unique(texts, return_inverse=True)[1]) >= MANY_TURNS * len(texts)
+        if in_turn and all(feels) and _differ(groups, (*rates[0], *force[0])):
             return column, units[0], ""
     return None
+
+
+def _differ(groups: Sequence[TextLayout], positions: Sequence[int]) -> bool:
+    """Whether means of the rows differ by far more than their noise, as biases of two units do."""
+    values = [np.column_stack([numbers(group, i) for i in positions]) for group in groups]
+    if min(map(len, values)) < FEWEST_OF_A_KIND:
+        return False
+    mean = np.array([np.nanmean(each, axis=0) for each in values])
+    error = np.max([np.nanstd(each, axis=0) / np.sqrt(len(each)) for each in values], axis=0)
+    return bool((np.ptp(mean, axis=0) > DIFFERENT * error).any())
 
 
 def reject_kinds(layout: TextLayout, positions: Mapping[str, int], name: str) -> None:

@@ -18,7 +18,7 @@ WRAPS = (
     (2.0**32 * 1e-3, "a 32-bit counter of milliseconds overflows"),
 )
 #: Where counters of samples start again from 0.
-COUNTER_WRAPS = tuple((2.0**bits, f"a counter of {bits} bits overflows") for bits in (8, 16, 32))
+COUNTER_WRAPS = tuple((2.0**bits, f"a counter of {bits} bits overflows") for bits in (7, 8, 10, 12, 16, 24, 32))
 #: Bits of shorter counters of ticks of a known length, which start again often: longest time before and after, and
 #: shortest time from one to the next, in sample intervals.
 TICK_BITS, AROUND_TICKS, LEAST_TICKS = (16, 24), 20, 100

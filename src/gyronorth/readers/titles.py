@@ -70,7 +70,7 @@ TIME_WORDS = frozenset(
     ts ss uptime time timestamp timestamps t stamp sec secs second seconds utc tow sow gpstime epoch clock ms us ns nsec
     nsecs nanos millis micros nanosec nanoseconds milliseconds microseconds timems timeus timens timesec
     datetime date tod gps towms week gpsweek elapsed since start boot msec usec sod zeit zeitstempel temps tiempo tempo
-    czas tijd tid zaman messzeit horodatage unixtime hhmmss hms year decyear doy время 时间 時間 시간
+    czas tijd tid zaman messzeit datum uhrzeit horodatage unixtime hhmmss hms year decyear doy время 时间 時間 시간
     """.split()  # noqa: SIM905
 )
 COUNTER_WORDS = frozenset(
