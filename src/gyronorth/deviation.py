@@ -187,11 +187,11 @@ def deviation_of(content: bytes, *, where: str) -> DeviationModel:
 
 
 def rate_surplus(rate_l: ArrayLike, latitude: float) -> NDArray[np.float64]:
-    """Horizontal mean rate over the expected one, minus one: (...), from levelled mean rates (..., 3), rad/s."""
+    """Horizontal mean rate over the expected one, minus one, (...), of levelled mean rates (..., 3) or (..., 2), rad/s."""
     rate_l = numbers("rate_l", rate_l, "(..., 3)")
     latitude = checked_latitude(latitude)
-    if rate_l.shape[-1:] != (3,):
-        raise InputError(f"rate_l has shape {rate_l.shape}; (..., 3) is expected.")
+    if rate_l.shape[-1:] not in ((2,), (3,)):
+        raise InputError(f"rate_l has shape {rate_l.shape}; (..., 3), or (..., 2) of the horizontal axes, is expected.")
     return np.hypot(rate_l[..., 0], rate_l[..., 1]) / (EARTH_RATE * np.cos(latitude)) - 1
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from contextlib import suppress
 from numbers import Real
 from pathlib import Path
 from types import UnionType
@@ -42,8 +41,10 @@ def number(what: str, value: Any) -> float:
     elif getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # of another library
         single = value.item()
     if not isinstance(single, NO_NUMBERS) and isinstance(single, Real):
-        with suppress(OverflowError):
+        try:
             return float(single)
+        except OverflowError:
+            raise InputError(f"{what} is beyond 1.8e308; a number is expected.") from None
     raise InputError(f"{what} is {value!r:.80}; a number is expected.")
 
 

@@ -47,7 +47,6 @@ def honest(tmp_path_factory) -> list[tuple[str, bytes, ReadOptions]]:
         pytest.importorskip(needed)
     from frames.encoders import CASES
     from fuzz.recordings import base_files, samples
-    from fuzz.targets import FRAMES
 
     folder = tmp_path_factory.mktemp("honest")
     found = [(name, content, ReadOptions(**declared)) for name, content, declared in base_files(folder)]
@@ -65,7 +64,7 @@ def honest(tmp_path_factory) -> list[tuple[str, bytes, ReadOptions]]:
     named = dict(zip(("w_x", "w_y", "w_z", "f_x", "f_y", "f_z"), range(6), strict=True))
     declared = ReadOptions(rate_hz=100.0, gyro_unit="rad/s", accel_unit="m/s2", axes="frd", columns=named)
     found.append(("long.npy", (folder / "long.npy").read_bytes(), declared))
-    for name in FRAMES[:3]:
+    for name in list(CASES)[:3]:
         case = CASES[name](150)
         content = case.preamble + b"".join(case.frames)
         options = ReadOptions(protocol=case.protocol, axes="frd", rate_hz=case.options.rate_hz, format="frames")

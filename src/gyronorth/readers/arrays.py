@@ -6,8 +6,8 @@ group of arrays (a struct, a group of HDF5). Without `--columns` these layouts a
 
 - one array of angular rates (n, 3) in a group, by its name, with force and time beside it. A struct with `fb`, `wb`
   and `t` is NaveGo's [1]_: rad/s, m/s^2, forward-right-down.
-- a matrix `imu` (n, 7) whose last column is time: PSINS [2]_, increments in rad and m/s, right-front-up.
-- one column for each axis, by our names.
+- a matrix `imu` (n, 7) whose last column is time: PSINS [2]_, increments in rad and m/s, right-front-up; or one
+  column for each axis, by our names.
 
 References
 ----------
@@ -41,10 +41,8 @@ from gyronorth.readers.spellings import ACCEL_SPELLINGS, GYRO_SPELLINGS, TIME_SP
 from gyronorth.readers.text_clock import find_clock
 from gyronorth.readers.titles import Title, last_part, take_apart
 
-#: More columns in one array: it is no recording.
-MOST_COLUMNS = 256
-#: An array with so many times more columns than rows has its samples in the columns.
-WIDE = 4
+#: More columns in one array: it is no recording. Times more columns than rows: the samples are in the columns.
+MOST_COLUMNS, WIDE = 256, 4
 #: Columns whose titles are looked at, and fewest rows whose numbers are.
 MOST_NAMED, FEWEST_ROWS = 128, 20
 _NAVEGO = Facts(gyro_unit="rad/s", accel_unit="m/s2", axes="frd")

@@ -70,9 +70,9 @@ def test_a_preset_that_was_saved_is_read_again(tmp_path):
         (json.dumps({"gyro_unit": "deg"}), "gyro_unit is 'deg'"),
         (json.dumps({"columns": 5}), "is no preset"),
         (json.dumps({"columns": 0}), "is no preset: columns is an object"),
-        (json.dumps({"gyro_scale": 10**400}), r"gyro_scale is above 1e\+30; a number other than 0"),
+        (json.dumps({"gyro_scale": 10**400}), "gyro_scale is beyond 1.8e308; a number is expected"),
         (json.dumps({"gyro_scale": 1e300}), r"gyro_scale is above 1e\+30"),
-        (json.dumps({"rate_hz": 10**400}), "is no preset"),
+        (json.dumps({"rate_hz": 10**400}), "rate_hz is beyond 1.8e308; a number is expected"),
         (json.dumps({"only": [1]}), "is no preset"),
     ],
 )
