@@ -187,7 +187,7 @@ def deviation_of(content: bytes, *, where: str) -> DeviationModel:
 
 
 def rate_surplus(rate_l: ArrayLike, latitude: float) -> NDArray[np.float64]:
-    """Horizontal mean rate over the expected one, minus one, (...), of levelled mean rates (..., 3) or (..., 2), rad/s."""
+    """Horizontal mean rate over the expected one, minus one, (...), of levelled rates (..., 3) or (..., 2), rad/s."""
     rate_l = numbers("rate_l", rate_l, "(..., 3)")
     latitude = checked_latitude(latitude)
     if rate_l.shape[-1:] not in ((2,), (3,)):
