@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Iterable, Iterator
 
 _NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?|[+-]?(?:nan|inf(?:inity)?)", re.IGNORECASE)
 _COMMA_NUMBER = re.compile(r"[+-]?\d*+,\d++(?:[eE][+-]?\d+)?|[+-]?\d+(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
@@ -24,3 +25,12 @@ def split(line: str, delimiter: str | None) -> list[str]:
 def is_number(cell: str, decimal: str = ".") -> bool:
     """Whether a field is a number with this decimal sign."""
     return bool((_NUMBER if decimal == "." else _COMMA_NUMBER).fullmatch(cell.strip()))
+
+
+def lines_below_titles(pieces: Iterable[bytes]) -> Iterator[list[str]]:
+    """The lines of each piece of a table that are not blank, without the first of all."""
+    titles = True
+    for piece in pieces:
+        lines = piece.decode(errors="replace").split("\n")
+        yield [line for line in lines[titles:] if line.strip()]
+        titles = False

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from gyronorth.readers.fields import is_number, split
+from gyronorth.readers.fields import is_number, lines_below_titles, split
 from gyronorth.readers.sentences import Rewriting
 from gyronorth.readers.titles import Title, take_apart
 
@@ -85,13 +85,9 @@ def _summed(
 ) -> Iterator[bytes]:  # fmt: skip
     """The table with the sums behind its other columns; a row that is not whole stays as it is."""
     yield (delimiter.join(f'"{title}"' for title in titles) + "\n").encode()
-    first = True
-    for piece in pieces:
+    for lines in lines_below_titles(pieces):
         out = []
-        for line in piece.decode(errors="replace").split("\n"):
-            if first or not line.strip():
-                first = False
-                continue
+        for line in lines:
             row = split(line, delimiter)
             try:
                 sums = [repr(sign * sum(float(row[i]) for i in at)) for sign, at in found] if len(row) == width else []

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 
-from gyronorth.readers.fields import is_number, split
+from gyronorth.readers.fields import is_number, lines_below_titles, split
 from gyronorth.readers.sentences import Rewriting
 from gyronorth.readers.times import time_text
 
@@ -59,13 +59,10 @@ def _wide(
     """The rows of one time as one; those that are not whole become a row that says so."""
     named = [*(titles[i] for i in kept), *(" ".join(key) for key in order)]
     yield (",".join(f'"{title}"' for title in named) + "\n").encode()
-    first, cells = True, list[str]()
-    for piece in pieces:
+    cells: list[str] = []
+    for lines in lines_below_titles(pieces):
         out = []
-        for line in piece.decode(errors="replace").split("\n"):
-            if first or not line.strip():
-                first = False
-                continue
+        for line in lines:
             row = split(line, delimiter)
             key = tuple(row[i] for i in words) if len(row) == len(titles) else ()
             time = [row[i] for i in kept] if key else []

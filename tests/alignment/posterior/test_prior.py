@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from gyronorth.alignment.posterior import explain, force, law, tones
+from gyronorth.alignment.posterior.blocks import blocks_of
 from gyronorth.alignment.posterior.model import scales_of
 from gyronorth.angles import DEG_PER_HOUR
+from gyronorth.conditioning import block_means
 from gyronorth.earth import EARTH_RATE
+from gyronorth.sensor import read_sensor
+from gyronorth.simulation import simulate_batch
 
 LATITUDE, RUNS, NOISE = np.radians(48.0), 1200, 0.5 * DEG_PER_HOUR
 
@@ -56,3 +60,21 @@ def test_the_theory_page_states_the_priors_of_the_law():
         f"{tones.LINED[4]:g} of four; {tones.BUMP:g} bumps in 100 s |",
     }.items():
         assert said in rows[row], row
+
+
+@pytest.mark.parametrize("name", ["isa100c", "sdc500"])
+def test_few_honest_accelerometers_look_far_quieter_than_their_profile(name):
+    """One in a hundred at most by each lag: of 400 units more than 11 would be so in one case of 1000."""
+    sensor, runs = read_sensor(name), 400
+    gyro_b, accel_b = simulate_batch(
+        sensor, runs=runs, latitude=0.8, heading=0.0, duration=100, rate_hz=2.0, rng=np.random.default_rng(4)
+    )
+    blocks = blocks_of(gyro_b, accel_b, rate_hz=2.0)
+    assert blocks.trace is not None
+    for lag, share in explain.FORCE_LAGS.items():
+        expected = lag * sensor.gyro.white**2 * blocks.seconds
+        expected += force.force_difference(sensor.accel, blocks.seconds, lag)
+        seen = np.mean(np.diff(block_means(blocks.trace, lag), n=2, axis=1) ** 2, axis=(1, 2))
+        assert np.mean(seen) == pytest.approx(expected, rel=0.1)
+        assert np.sum(seen < share * expected) <= 11
+        assert np.sum(seen < 2 * share * expected) > 11

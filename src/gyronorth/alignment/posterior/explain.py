@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from gyronorth.alignment.posterior.axis import Axis
 from gyronorth.alignment.posterior.blocks import COUNT, Blocks
 from gyronorth.alignment.posterior.force import force_difference
-from gyronorth.alignment.posterior.law import Axis, Law, fitted_law, law, law_of
+from gyronorth.alignment.posterior.law import Law, fitted_law, law, law_of
 from gyronorth.alignment.posterior.tones import (
     BUMP,
     LINED,
