@@ -16,6 +16,7 @@ from gyronorth.arrays import mean_of_rows, median, robust_noise
 NUMBERS = st.floats(-1e6, 1e6) | st.just(float("nan"))
 
 
+@pytest.mark.slow
 @given(arrays(float, array_shapes(min_dims=1, max_dims=3, max_side=7), elements=NUMBERS))
 def test_median_is_that_of_numpy(x):
     assert np.array_equal(median(x), np.median(x), equal_nan=True)

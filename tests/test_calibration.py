@@ -31,6 +31,7 @@ def swing():
     return [at(heading_true) for heading_true in np.arange(0, 2 * np.pi, np.pi / 9)]
 
 
+@pytest.mark.slow
 def test_a_body_fixed_bias_is_learnt_and_corrected_in_its_session(swing, tmp_path):
     found = calibrate(swing)
     assert found.ratio < 0.35

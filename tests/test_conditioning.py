@@ -122,6 +122,7 @@ def test_slope_variance_covers_the_scatter_of_slopes(kind, low, high):
     assert low < np.mean(np.abs(slope) < 1.96 * sigma[:, None]) < high
 
 
+@pytest.mark.slow
 @given(dof_1=floats(1, 2000), dof_2=floats(1, 2000))
 def test_fisher_point_is_the_exact_one(dof_1, dof_2):
     """scipy is the oracle; the approximation that stood here was 1 to 4 % off, and infinite for 2 degrees."""

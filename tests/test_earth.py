@@ -52,6 +52,7 @@ def test_normal_gravity_of_the_standard(latitude, gravity):
     assert_allclose(normal_gravity(np.radians(latitude)), gravity, atol=1e-9)
 
 
+@pytest.mark.slow
 @given(floats(-90, 90), floats(0, 5000))
 def test_gravity_agrees_with_pyins(latitude, height):
     from pyins import earth as pyins_earth

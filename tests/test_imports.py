@@ -48,6 +48,7 @@ def test_start_up_loads_nothing_heavy(code):
     assert not modules & HEAVY
 
 
+@pytest.mark.slow
 def test_the_probe_sees_a_heavy_import():
     assert "scipy" in loaded_by("import scipy.linalg")
 

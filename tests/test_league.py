@@ -149,6 +149,7 @@ def test_a_page_without_its_marks_is_left_alone():
         league.on_page("no table here", [], "")
 
 
+@pytest.mark.slow
 def test_the_picture_has_a_mark_for_each_claim(tmp_path):
     league.draw(rows_of_the_page(), tmp_path / "league.png")
     assert (tmp_path / "league.png").stat().st_size > 10_000

@@ -46,6 +46,7 @@ def test_a_long_recording_is_held_once():
     assert peak < 0.3 * (gyro_b.nbytes + accel_b.nbytes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate_hz", "first", "held"), [(10.0, 300, 25), (3.0, 0, 300), (100.0, 9000, 250)])
 def test_an_output_that_hangs_is_warned_of(rate_hz, first, held):
     recording = recorded(rate_hz=rate_hz)

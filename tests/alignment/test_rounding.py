@@ -53,6 +53,7 @@ def test_closed_forms_allow_for_rounding(method):
     assert np.median(found.sigma) > 2 * np.median(fine.sigma)
 
 
+@pytest.mark.slow
 def test_a_coarse_output_widens_the_interval_and_is_told():
     sensor = read_sensor("isa100c")
     made, force = simulate_batch(

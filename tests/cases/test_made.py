@@ -150,6 +150,7 @@ def test_no_conversion_states_axes_that_nobody_declared(place, tmp_path):
     assert result.exit_code == 2 or b"# axes:" not in (tmp_path / "out.csv").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "axes"), [("base.csv", None), ("novatel_rfu.bag", "rfu")])
 def test_the_heading(place, name, axes):
     estimate = heading(read(place(name), axes=axes, latitude=LATITUDE), method="mean")

@@ -304,6 +304,7 @@ def test_bad_usage_is_one_message(rec, tmp_path, monkeypatch, arguments, words):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_deviation_curve_knows_the_boresight_it_was_measured_with(tmp_path):
     swing, rng = tmp_path / "swing", np.random.default_rng(3)
     swing.mkdir()

@@ -165,6 +165,7 @@ def test_ctrl_c_in_a_benchmark_says_what_is_kept(tmp_path, monkeypatch):
     assert "error: interrupted" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_signal_while_reading_leaves_no_temporary_file(folder, tmp_path, monkeypatch):
     """A packed file is unpacked into the folder of temporary files: it goes with the process."""
     packed = tmp_path / "rec.csv.gz"

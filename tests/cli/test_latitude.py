@@ -53,6 +53,7 @@ def live(rec, tmp_path, *more):
     return done, done.stdout and json.loads(done.stdout.splitlines()[-1])["latitude_deg"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [heading, many, info, convert, live], ids=lambda command: command.__name__)
 def test_the_one_given_wins_and_must_agree_with_the_file(rec, tmp_path, command):
     for arguments, expected in (((), STATED), (("--latitude", GIVEN), GIVEN)):

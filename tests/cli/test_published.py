@@ -34,6 +34,7 @@ def test_the_reconstruction_is_written_whole(tmp_path):
         CliRunner().invoke(app, ["published", "-o", str(folder)], catch_exceptions=False, standalone_mode=False)
 
 
+@pytest.mark.slow
 def test_a_seed_draws_other_noise(tmp_path):
     for name, seed in (("a", "0"), ("b", "0"), ("c", "1")):
         CliRunner().invoke(app, ["published", "-o", str(tmp_path / name), "--rate", "0.2", "--seed", seed])

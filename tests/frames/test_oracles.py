@@ -51,15 +51,17 @@ def test_advanced_navigation_reads_the_same():
     assert np.array_equal(np.hstack((samples.gyro, samples.accel)), np.array(read))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mip-scaled", "mip-delta"])
 def test_mscl_reads_the_same(name):
     mscl = pytest.importorskip("mscl", reason="pymscl is not installed (extra dev)")
     case = CASES[name](80)
     listener = socket.create_server(("127.0.0.1", 0))
-    done = threading.Event()
+    listening, done = threading.Event(), threading.Event()
 
     def serve() -> None:
         with listener, listener.accept()[0] as connection:
+            listening.wait(30)
             connection.sendall(b"".join(case.frames))
             done.wait(30)
 
@@ -67,6 +69,7 @@ def test_mscl_reads_the_same(name):
     server.start()
     connection = mscl.Connection.TcpIp("127.0.0.1", listener.getsockname()[1])
     node, packets = mscl.InertialNode(connection), []
+    listening.set()  # what comes before the node is made is lost to it
     for _ in range(100):
         packets += list(node.getDataPackets(200))
         if len(packets) == len(case.frames):

@@ -19,6 +19,7 @@ def test_no_input_breaks_the_oracle(cases, tmp_path):
     assert counts["valid"] > 0
 
 
+@pytest.mark.slow
 def test_what_was_found_stays_cured(tmp_path):
     by_name = {target.name: target for target in targets(tmp_path)}
     for path in sorted(CORPUS.iterdir()):

@@ -152,6 +152,7 @@ def curve(values, patience=2):
     return fit(task, generator=torch.Generator()), network.weight.item()
 
 
+@pytest.mark.slow
 def test_early_stopping_goes_back_to_the_best_epoch():
     progress, epoch = curve([5.0, 3.0, 4.0, 3.0, 1.0, 1.0])
     assert (progress.epoch, progress.best_epoch, progress.best, epoch) == (4, 2, 3.0, 2.0)

@@ -70,6 +70,7 @@ def denoiser_seen(monkeypatch):
     return noise[0], trained, spy.seen, [np.degrees(part.gyro_l) for part in clean]
 
 
+@pytest.mark.slow
 def test_the_denoiser_is_given_signal_and_noise_with_the_gains_of_eq_17(denoiser_seen):
     """beta = 0.4, 0.6, 0.8: abar = 0.6, 0.24, 0.048."""
     noise, _, seen, x_0 = denoiser_seen

@@ -164,6 +164,7 @@ def test_a_second_run_that_would_write_the_same_is_refused(here):
         pass
 
 
+@pytest.mark.slow
 def test_two_folders_with_the_same_names_stay_apart(here):
     shutil.copytree("rec", "other")
     shutil.copy("rec/x_2.csv", "other/x_1.csv")

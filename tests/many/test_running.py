@@ -45,6 +45,7 @@ def test_an_item_that_kills_its_worker_is_told_and_the_others_are_done():
     assert found == {value: 2 * value for value in range(12) if value != 5}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 def test_workers_whose_parent_was_killed_stop(tmp_path):
     (tmp_path / "parent.py").write_text(PARENT)

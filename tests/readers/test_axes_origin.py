@@ -74,6 +74,7 @@ def test_the_warning_names_the_other_headings(tmp_path):
     assert f"{other:.2f} deg with --axes lfd" in warning.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".h5", ".parquet", ".mcap", ".bag"])
 def test_a_warning_stays_whatever_a_recording_is_written_to(tmp_path, suffix):
     noisy = np.arange(1500) / 100 + 0.008 * np.abs(np.random.default_rng(1).standard_normal(1500))

@@ -35,6 +35,7 @@ def test_the_budget_grows_with_the_file():
         check_claim("a", "x", largest_decoded(77) + 1, 77)
 
 
+@pytest.mark.slow
 def test_a_parquet_file_of_one_repeated_row_is_not_expanded(tmp_path):
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     count = 5_000_000

@@ -274,6 +274,7 @@ def test_columns_of_zeros_are_told_from_single_bad_rows(tmp_path):
     assert read(path, columns={"f_x": "-", "f_y": "-", "f_z": "-"}).accel_b is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias_deg_h", [3, 30, 400, 12_000])
 @pytest.mark.parametrize("direction", [(1, 1, 1), (1, -2, 0.5), (0, 0, -1)])
 def test_a_poor_gyro_in_its_right_unit_is_let_through(tmp_path, bias_deg_h, direction):

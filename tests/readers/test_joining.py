@@ -85,6 +85,7 @@ def test_columns_go_to_the_file_that_holds_them(tmp_path):
         read(gyro, **(how | {"accel_file": tmp_path / "none.csv"}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("gyro", "accel"),
     [("gyro-0.csv", "accel-0.csv"), ("Gyroscope.csv", "Accelerometer.csv"), ("a GYR 1.csv", "a ACC 1.csv")],

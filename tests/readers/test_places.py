@@ -171,6 +171,7 @@ def test_a_bad_row_where_one_looks_has_the_whole_file_read(tmp_path, row):
         assert (whole.estimate, whole.rows_dropped) == (None, 1)
 
 
+@pytest.mark.slow
 def test_a_window_and_few_row_groups_are_read_whole(tmp_path, monkeypatch):
     write(recording(), tmp_path / "rec.parquet")
     assert describe(tmp_path / "rec.parquet", window=(0, 50)).samples == 5000

@@ -102,6 +102,7 @@ def test_a_bag_folder_is_one_recording_among_others(tmp_path):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [bag1, bag2, mcap2], ids=["rosbag1", "rosbag2", "mcap"])
 def test_two_topics_are_told_and_one_is_chosen(tmp_path, make):
     both = NOETIC if make is bag1 else CDR
@@ -256,6 +257,7 @@ def test_what_we_encode_the_library_understands(is_cdr, accel):
             assert back.linear_acceleration.z == ACCEL[i, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("maker", ["rosbag1", "rosbag2-sqlite3", "mcap"])
 def test_describe_names_the_topic_and_the_convention(tmp_path, maker):
     description = describe(MAKERS[maker](tmp_path))
@@ -286,6 +288,7 @@ def test_cut_off_anywhere_is_refused_with_one_message(tmp_path, maker):
             assert any(cure in text for cure in ("mcap recover", "rosbag reindex", "ros2 bag reindex")), text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".bag", ".db3", ".mcap", ".h5", ".parquet"])
 @pytest.mark.parametrize("content", [b"", b"w_x,w_y,w_z\n1,2,3\n", bytes(5000), b"PK\x03\x04" + bytes(300)])
 def test_foreign_content_is_refused_with_one_message(tmp_path, suffix, content):
@@ -420,6 +423,7 @@ def test_messages_of_a_drivers_own_are_named(tmp_path):
         read(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", ["'text'", "NULL", "5", "1.5"])
 @pytest.mark.parametrize("column", ["data", "timestamp", "name", "type"])
 def test_a_database_that_holds_other_types_is_refused(tmp_path, column, value):

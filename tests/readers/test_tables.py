@@ -195,6 +195,7 @@ def test_any_length_reads_back_bit_for_bit_and_in_chunks(tmp_path, suffix, rows)
 CUTS = np.random.default_rng(6).integers(1, 10**6, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".h5", ".parquet"])
 def test_cut_off_anywhere_is_refused_with_one_message(tmp_path, suffix):
     path = tmp_path / f"rec{suffix}"

@@ -51,6 +51,7 @@ def test_a_late_or_early_stamp_is_not_a_gap(tmp_path, shift):
     assert read(timed_file(tmp_path, time)).gaps == ()
 
 
+@pytest.mark.slow
 def test_stamps_in_bursts(tmp_path):
     # Ten samples at a time, 10 us apart; then one burst is lost.
     time = np.repeat(np.arange(60) / 10, 10) + np.tile(np.arange(10) * 1e-5, 60)

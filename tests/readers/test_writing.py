@@ -148,6 +148,7 @@ def test_a_file_whose_undeclared_axes_gravity_contradicts_is_not_rewritten(tmp_p
     assert read(target).accel_b[:, 2].mean() == pytest.approx(-9.807)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".h5", ".parquet", ".mcap", ".bag"])
 def test_a_recording_slower_than_one_sample_a_second_reads_back(tmp_path: Path, suffix: str) -> None:
     gyro, force = still(100)

@@ -53,6 +53,7 @@ def test_earth_rate_is_seen_from_the_turned_body():
     assert_allclose(gyro[-1], mat_bn(0.0, 0.0, np.pi / 2) @ [1e-5, 0, 0], atol=1e-15)
 
 
+@pytest.mark.slow
 def test_net_rotation_does_not_depend_on_the_sample_rate():
     slow = draw_disturbance("mixed", samples=300, rate_hz=3.0, rng=np.random.default_rng(7), runs=50)
     fast = draw_disturbance("mixed", samples=10000, rate_hz=100.0, rng=np.random.default_rng(7), runs=50)
@@ -78,6 +79,7 @@ def test_warm_up_settles():
     assert np.abs(warm[:, -1]).max() < 0.01 * np.abs(warm[:, 0]).max()  # 1000 s is 8 of the longest tau
 
 
+@pytest.mark.slow
 def test_reference_mix_gives_the_mean_its_known_error():
     # Issue figures: the mean about 6.3-6.5 deg; the law as stated gives 6.6 +- 0.15 (2000 runs).
     mix = reference_set()

@@ -99,6 +99,7 @@ def test_gauss_markov_is_stationary_from_the_first_sample(samples_per_tau):
         assert_covariance(errors[:, instant], errors[:, instant + lag], expected, slack=4.0 * missing)
 
 
+@pytest.mark.slow
 def test_first_and_last_sample_are_normal():
     errors = sensor_errors(TriadErrors(white=1e-9, flicker=2.0), (4000, 200), 10.0, rng=np.random.default_rng(5))
     variance, tau = flicker_components(TriadErrors(flicker=2.0))

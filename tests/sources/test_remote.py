@@ -198,6 +198,7 @@ def test_archives_and_packed_files_behind_urls_are_as_on_the_disk(recordings, mo
     assert not list(recordings.parent.glob("gyronorth-url-*/*.csv*"))
 
 
+@pytest.mark.slow
 def test_an_archive_that_is_gone_or_damaged_is_a_row(recordings):
     (recordings / "torn.zip").write_bytes(b"PK\x03\x04" + bytes(200))
     with served(recordings, {}) as cutter:

@@ -38,6 +38,7 @@ def test_what_the_closed_form_leaves_is_the_same_for_every_copy_of_a_recording()
     assert [len(one) for one in left.headings[1:]] == [4, 6]
 
 
+@pytest.mark.slow
 def test_the_table_is_of_single_networks_and_of_their_means(monkeypatch):
     """The mean of the members is less in error than they are on the average (the square is convex)."""
     monkeypatch.setattr(paper_best, "OWN_NETWORK", merged(OWN_NETWORK, SMALL))

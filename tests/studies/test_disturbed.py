@@ -143,6 +143,7 @@ def test_recordings_that_train_the_papers_networks():
         assert len(np.intersect1d(one, heading)) == 0
 
 
+@pytest.mark.slow
 def test_long_recordings(monkeypatch):
     pytest.importorskip("onnxruntime")
     monkeypatch.setattr(disturbed_long, "KINDS", ("warmup",))

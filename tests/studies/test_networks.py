@@ -69,6 +69,7 @@ def test_a_plan_never_lengthens_a_training():
     assert denoiser_unit({}, short, seed=0).arguments["settings"]["denoiser"]["epochs"] == 200
 
 
+@pytest.mark.slow
 def test_a_unit_is_the_same_whatever_was_denoised_before_it(monkeypatch):
     """Units share what a denoiser made of a recording: with memory and without, bit by bit."""
     splits = splits_of(PLAN, 2)
@@ -190,6 +191,7 @@ def write_published(recording: Recording, path):
     np.savetxt(path, table, delimiter=",", header=",w_x,w_y,w_z,f_x,f_y,f_z", comments="")
 
 
+@pytest.mark.slow
 def test_public_recordings_come_at_3_hz_with_their_heading_and_mean(public):
     found = public_recordings(str(public))
     assert found.gyro_l.shape == (4, 36, 3)  # the shortest lasts 12 s
@@ -205,6 +207,7 @@ def test_a_folder_without_public_recordings_is_refused(tmp_path):
         public_recordings(str(tmp_path))
 
 
+@pytest.mark.slow
 def test_recordings_that_changed_are_refused(public):
     with pytest.raises(InputError, match="changed since the study began"):
         recordings_of(0, {"folder": str(public), "sha256": "0" * 64})

@@ -326,6 +326,7 @@ def test_too_few_recordings_for_a_split_are_told(monkeypatch):
         networks.splits_of(StudyPlan(data="mine"), 1)
 
 
+@pytest.mark.slow
 def test_windows_of_short_recordings_know_no_leak(clone):
     data = source.described(str(clone))
     heading, error, second, _ = first_two_windows(0, data)

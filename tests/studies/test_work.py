@@ -149,6 +149,7 @@ def test_unknown_benchmarks_and_studies_are_refused():
         StudyPlan(splits=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -179,6 +180,7 @@ def test_a_folder_that_was_there_or_is_filled_stays(tmp_path):
     assert (tmp_path / "a" / "b" / "unit.json").is_file()
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_refused():
     pytest.importorskip("distributed", reason="Dask (extra `scale`) is not installed")
     with pytest.raises(InputError, match="No Dask scheduler answers"), executor_on("tcp://127.0.0.1:9"):

@@ -240,6 +240,7 @@ def biased(session, seconds=60, seed=9, latitude=LATITUDE):
     return Recording(gyro, None, 3.0, latitude=latitude, heading_true=truth, session=session)
 
 
+@pytest.mark.slow
 def test_a_units_bundle_corrects_the_closed_form_in_its_session_and_says_so(own_bundle):
     plain = heading(biased("s"), method="mean", sensor="sdc500")
     found = heading(biased("s"), method="learned", model=own_bundle, sensor="sdc500")

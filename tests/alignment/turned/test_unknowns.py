@@ -102,6 +102,7 @@ def test_a_poor_index_table_is_seen_against_the_gyro():
         gn.heading(Recording(gyro, accel, RATE_HZ), latitude=LATITUDE, sensor=QUIET, turn_angle_sigma=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [2.5, np.pi])
 def test_files_as_poses_give_what_one_recording_gives(turn):
     sensor = read_sensor("isa100c")

@@ -60,6 +60,7 @@ def test_what_is_cut_off_or_something_else_is_refused(tmp_path):
         read(path, format="doubles")
 
 
+@pytest.mark.slow
 def test_a_long_file_is_described_from_places(tmp_path):
     table = np.tile(rows("KF-GINS"), (4000, 1))
     table[:, 0] = 388800 + np.arange(len(table)) / RATE

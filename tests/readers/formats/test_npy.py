@@ -28,6 +28,7 @@ def check(recording):
     assert_allclose(recording.accel_b, ACCEL, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_a_matrix_by_the_numbers_of_its_columns(tmp_path, order):
     np.save(tmp_path / "rec.npy", np.asarray(TABLE, order=order))
