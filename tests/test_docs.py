@@ -73,7 +73,7 @@ def clone(tmp_path, monkeypatch):
 
 
 def run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=3600, check=False)
 
 
 def need_extras(path: Path) -> None:
