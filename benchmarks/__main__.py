@@ -1,8 +1,8 @@
 """Run all benchmarks, or those named: `python -m benchmarks [generation allan ...] [--rounds N] [--json FILE]`.
 
 `python -m benchmarks league` compares errors and claims, not times; `samples` shows cost and memory against length,
-`frames` captures of units against real time, `page` writes docs/results/performance.md from what was written with `--json`.
-One thread, CPU time, candidates interleaved;
+`frames` captures of units against real time, `page` writes docs/results/performance.md from what was written with
+`--json`. One thread, CPU time, candidates interleaved;
 exit code 1 if a promised ratio was missed.
 """
 

@@ -1,9 +1,9 @@
 """Captures of units against real time: `python -m benchmarks frames [NAME ...] [--json FILE]`.
 
-Every form of every protocol at 1 kHz, a unit at rest, through `gyronorth heading FILE` and through `gyronorth live -`, one
-process each; CPU time of the process and its children. Start-up is no part of what a second costs: this is the slope over
-two lengths. The plain time of the longer capture, with start-up, is told beside it. Exit code 1 where a slope is less than
-promised.
+Every form of every protocol at 1 kHz, a unit at rest, through `gyronorth heading FILE` and through `gyronorth live -`,
+one process each; CPU time of the process and its children. Start-up is no part of what a second costs: this is the
+slope over two lengths. The plain time of the longer capture, with start-up, is told beside it. Exit code 1 where a
+slope is less than promised.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from frames.encoders import CASES
 from unit_at_rest import unit
 
 #: The rate of all captures, Hz, and their lengths, s.
-RATE_HZ, LENGTHS = 1000.0, (60, 600)
+RATE_HZ, LENGTHS = 1000.0, (60, 300)
 #: A second is to cost this many times less.
 REAL_TIME = 100.0
 

@@ -202,8 +202,9 @@ def live(
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     settings = LiveSettings(
-        reading, profile, method, gyro_bias, curve, save, require_sigma, alignment=alignment, position=receiver
-    )
+        reading, profile, method, gyro_bias, curve, save, require_sigma,
+        alignment=alignment, position=receiver, targets=tuple(nmea_out or ()),
+    )  # fmt: skip
     session = Session(opened, settings)
     server = _server(session, host=host, port=int(port), token=token, page=page) if page or api else None
     outs = [

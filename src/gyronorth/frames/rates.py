@@ -15,7 +15,7 @@ from gyronorth.frames.clock import NOMINAL_HZ
 USUAL = "usual for the unit"
 #: Rates differ, where they are told twice, by more than this share.
 RATE_CONFLICT = 0.02
-#: Specific force is gravity within these, in g, as for files; a rate makes it gravity that is off by this share at most.
+#: Specific force is gravity within these, in g, as for files; a rate makes it gravity to this share.
 GRAVITY_LOW, GRAVITY_HIGH, NEAR = 0.7, 1.4, 0.05
 _ASSUMED = "The frames carry no time: their rate is taken as {:g} Hz, which is usual for the unit. Declare --rate HZ."
 

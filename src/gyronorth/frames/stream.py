@@ -377,8 +377,8 @@ class FrameStream:
         rate = None if force is None else rate_by_gravity(force, self._rate)
         if rate is not None:
             raise InputError(
-                f"The {self._info.title} stream holds increments per sample and no time. At {self._rate:g} Hz, which is "
-                f"usual for the unit, the specific force is not gravity; at {rate:g} Hz it is. Likely the unit is set "
+                f"The {self._info.title} stream holds increments per sample and no time. At {self._rate:g} Hz, which "
+                f"is usual for the unit, the specific force is not gravity; at {rate:g} Hz it is. Likely the unit is set "
                 f"to that rate: pass --rate {rate:g}, or --rate {self._rate:g} if it is not."
             )
 

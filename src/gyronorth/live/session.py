@@ -24,7 +24,7 @@ from gyronorth.live.position import Position
 from gyronorth.live.reader import LINES, UNKNOWN, StreamReader
 from gyronorth.live.recorder import RawRecorder, Recorder, utc_now
 from gyronorth.live.rows import Form, LiveRows, RowBatch
-from gyronorth.live.status import Counters, Mark, Status
+from gyronorth.live.status import NO_FIX, Counters, Mark, Status
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
 from gyronorth.readers.options import ReadOptions
@@ -57,6 +57,7 @@ class LiveSettings:
     require_sigma: float | None = None  # rad
     alignment: float = 0.0  # rad, to begin with; `Session.align` sets another
     position: Position | None = None  # tells the latitude, where it is not declared
+    targets: tuple[str, ...] = ()  # of the sentences, for the page
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ class Session:
             saving=settings.save is not None,
             require_sigma=settings.require_sigma,
             replay=not source.live,
+            targets=settings.targets,
         )
         self._looked = time.monotonic()  # when that was
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
@@ -201,7 +203,7 @@ class Session:
             if self._stop.is_set():
                 return False
             why = f" ({position.trouble})" if position.trouble else ""
-            self._trouble = f"waiting for a fix of the latitude from {position.name}{why}"
+            self._trouble = f"{NO_FIX} from {position.name}{why}"
             self._publish()
         self._trouble, self._last_data = "connecting", time.monotonic()
         return True
