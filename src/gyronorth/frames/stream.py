@@ -378,8 +378,8 @@ class FrameStream:
         if rate is not None:
             raise InputError(
                 f"The {self._info.title} stream holds increments per sample and no time. At {self._rate:g} Hz, which "
-                f"is usual for the unit, the specific force is not gravity; at {rate:g} Hz it is. Likely the unit is set "
-                f"to that rate: pass --rate {rate:g}, or --rate {self._rate:g} if it is not."
+                f"is usual for the unit, the specific force is not gravity; at {rate:g} Hz it is. Likely the unit is "
+                f"set to that rate: pass --rate {rate:g}, or --rate {self._rate:g} if it is not."
             )
 
     def _needs_rate(self) -> bool:
