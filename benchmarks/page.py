@@ -2,7 +2,7 @@
 
 The introduction and the reckoning on paper are written by hand in performance.intro.md. The measurements stand in
 docs/results/performance/*.json, each written by `python -m benchmarks NAME --json FILE`; `samples.json` also gives the
-figure.
+figure, `frames.json` the table of captures.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ PAGES = Path(__file__).parents[1] / "docs/results"
 DATA = PAGES / "performance"
 WRITTEN = "<!-- Written by `python -m benchmarks page` from docs/results/performance; do not edit. -->"
 #: What in the introduction is replaced by the tables.
-RATIOS, SAMPLES = "{{ratios}}", "{{samples}}"
+RATIOS, SAMPLES, CAPTURES = "{{ratios}}", "{{samples}}", "{{captures}}"
+#: Files whose tables are not ratios.
+APART = ("frames", "samples")
 
 
 def main(arguments: list[str]) -> int:
@@ -39,9 +41,13 @@ def main(arguments: list[str]) -> int:
 def page() -> str:
     """The page as Markdown."""
     intro = (PAGES / "performance.intro.md").read_text(encoding="utf-8").strip()
-    named = sorted(path.stem for path in DATA.glob("*.json") if path.stem != "samples")
+    named = sorted(path.stem for path in DATA.glob("*.json") if path.stem not in APART)
     comparisons = [each for name in named for each in _read(name)]
-    return f"{WRITTEN}\n\n{intro}\n".replace(RATIOS, ratios(comparisons)).replace(SAMPLES, samples(_read("samples")))
+    tables = {RATIOS: ratios(comparisons), SAMPLES: samples(_read("samples")), CAPTURES: captures(_read("frames"))}
+    text = f"{WRITTEN}\n\n{intro}\n"
+    for place, table in tables.items():
+        text = text.replace(place, table)
+    return text
 
 
 def ratios(comparisons: list[dict[str, Any]]) -> str:
@@ -74,6 +80,21 @@ def samples(found: list[dict[str, Any]]) -> str:
         rows.append(
             f"| {each['samples']:,} | {ours['cpu_s']:.2f} | {loads['cpu_s']:.2f} | {ratio:.2f} "
             f"| {ours['peak_mb']:.0f} | {loads['peak_mb']:.0f} | {each['arrays_mb']:.1f} |"
+        )
+    return "\n".join(rows)
+
+
+def captures(found: list[dict[str, Any]]) -> str:
+    """How many times faster than real time each form is read, the slowest by `live -` first."""
+    rows = [
+        "| form | `heading FILE` | `live -` | with start-up: `heading FILE` | with start-up: `live -` |",
+        "|---|---|---|---|---|",
+    ]
+    for each in sorted(found, key=lambda each: each["live"]["times"]):
+        heading, live = each["heading"], each["live"]
+        rows.append(
+            f"| {each['form']} | {heading['times']:.0f} | {live['times']:.0f} | {heading['whole_times']:.0f} "
+            f"| {live['whole_times']:.0f} |"
         )
     return "\n".join(rows)
 

@@ -78,12 +78,15 @@ def write_parquet(path: Path, samples: int) -> None:
             writer.write_table(pyarrow.table(columns, schema=schema))
 
 
-def measured(command: list[str]) -> dict[str, float]:
+def measured(command: list[str], *, stdin: Path | None = None) -> dict[str, float]:
     """CPU seconds and peak memory, MB, of a process and the children it waited for."""
     code = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL); "
     code += "u = resource.getrusage(resource.RUSAGE_CHILDREN); print(u.ru_utime + u.ru_stime, u.ru_maxrss / 1024)"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
-    run = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, env=environment)
+    with open(stdin or os.devnull, "rb") as source:
+        run = subprocess.run(
+            [sys.executable, "-c", code, *command], stdin=source, capture_output=True, text=True, env=environment
+        )
     seconds, megabytes = map(float, run.stdout.split())
     return {"cpu_s": seconds, "peak_mb": megabytes}
 

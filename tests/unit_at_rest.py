@@ -17,9 +17,9 @@ from gyronorth.readers.axes import mat_bf
 LATITUDE, HEADING, SECONDS = radians(48.0), radians(40.0), 12.0
 
 
-def unit(name: str, monkeypatch, *, seconds: float = SECONDS) -> tuple[Case, ReadOptions]:
-    """A unit at rest, and what must be declared of it."""
-    rate_hz = CASES[name](1).rate_hz
+def unit(name: str, monkeypatch, *, seconds: float = SECONDS, rate_hz: float | None = None) -> tuple[Case, ReadOptions]:
+    """A unit at rest, and what must be declared of it; at the usual rate of its case if none is given."""
+    rate_hz = rate_hz or CASES[name](1).rate_hz
     n, rng = round(seconds * rate_hz), np.random.default_rng(3)
     mat = mat_bn(radians(3.0), radians(-2.0), HEADING)
     gyro_b = mat @ earth_rate_n(LATITUDE) + 2e-6 * np.sqrt(rate_hz) * rng.standard_normal((n, 3))
@@ -28,7 +28,7 @@ def unit(name: str, monkeypatch, *, seconds: float = SECONDS) -> tuple[Case, Rea
     axes = protocol_info(protocol).axes
     mat_vf = mat_bf(axes or "frd")
     monkeypatch.setattr(encoders, "signal", lambda n, up, noise=0.0: (gyro_b[:n] @ mat_vf, accel_b[:n] @ mat_vf))
-    case = CASES[name](n)
+    case = CASES[name](n, rate=rate_hz)
     declared = case.options
     options = ReadOptions(
         latitude=LATITUDE,

@@ -146,17 +146,14 @@ def mean_rotation(vector: ArrayLike) -> Array:
 
 def multiply(p: Array, q: Array) -> Array:
     """Hamilton product p q, shape (..., 4): rotate by q, then by p."""
-    px, py, pz, pw = np.moveaxis(p, -1, 0)
-    qx, qy, qz, qw = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-            pw * qw - px * qx - py * qy - pz * qz,
-        ],
-        axis=-1,
-    )
+    px, py, pz, pw = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    qx, qy, qz, qw = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    product = np.empty(p.shape if p.shape == q.shape else np.broadcast_shapes(p.shape, q.shape))
+    product[..., 0] = pw * qx + px * qw + py * qz - pz * qy
+    product[..., 1] = pw * qy - px * qz + py * qw + pz * qx
+    product[..., 2] = pw * qz + px * qy - py * qx + pz * qw
+    product[..., 3] = pw * qw - px * qx - py * qy - pz * qz
+    return product
 
 
 def conjugate(q: Array) -> Array:

@@ -10,12 +10,15 @@ import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from gyronorth.frames import Options
 
 G = 9.80665
+#: Rates of a STIM, Hz, by the code in its configuration.
+RATES_HZ = (125.0, 250.0, 500.0, 1000.0, 2000.0)
 _REVERSED = bytes(int(f"{i:08b}"[::-1], 2) for i in range(256))
 
 
@@ -112,7 +115,7 @@ def stim(n: int = 1500, *, rate: float = 500.0, increments: bool = False, line_e
         body += struct.pack(">hhhB", 5120, 5121, 5122, 0) * 2 + bytes(((4 * i) & 0xFF,)) + struct.pack(">H", 506)
         frames.append(stim_datagram(body, line_end=line_end))
     part = stim_datagram(b"\xb1" + bytes(15))
-    preamble = stim_configuration(2, 1 if increments else 0, 1 if increments else 0, 0b0100)
+    preamble = stim_configuration(RATES_HZ.index(rate), 1 if increments else 0, 1 if increments else 0, 0b0100)
     return Case(
         "stim-increments" if increments else "stim", "stim", rate, w * gyro_step, f * accel_step, frames, gyro_step,
         accel_step, others=(part, stim_datagram(b"\xb5" + bytes(range(15)))), preamble=preamble, knows_lost="counter",
@@ -180,7 +183,7 @@ def kvh(n: int = 1500, *, form: str = "A", increments: bool = True, rate: float 
     for i in range(n):
         body = b"\xfe\x81\xff" + bytes((0x55 + "ABC".index(form),)) + sent[i].tobytes() + force[i].tobytes()
         if form == "B":
-            body += struct.pack(">I", (4294900000 + 1000 * i) % (1 << 32))
+            body += struct.pack(">I", (4294900000 + round(1e6 / rate) * i) % (1 << 32))
         if form == "C":  # the temperature, or an axis of the magnetic field
             body += struct.pack(">f", (29.25, 0.1, -0.2, 0.4)[i % 4])
         body += struct.pack(">BB", 0x77, i % 128) + (b"" if form == "C" else struct.pack(">h", 29))
@@ -197,15 +200,24 @@ def sum16_frame(body: bytes) -> bytes:
     return body + struct.pack("<H", sum(struct.unpack(f"<{len(body) // 2}H", body)) & 0xFFFF)
 
 
-def hg4930(n: int = 1500) -> Case:
+def hg4930(n: int = 1500, *, rate: float = 100.0) -> Case:
     gyro, accel = signal(n, FRD)
-    gyro_step, accel_step = 2.0**-33 * 100, 2.0**-27 * 0.3048 * 100
+    gyro_step, accel_step = 2.0**-33 * rate, 2.0**-27 * 0.3048 * rate
     w, f = counts(gyro, gyro_step), counts(accel, accel_step)
     head = struct.pack("<6hHH", 1, 2, 3, 4, 5, 6, 0x80F0, 0x0000)
     frames = [sum16_frame(b"\x0e\x02" + head + struct.pack("<6i", *w[i], *f[i])) for i in range(n)]
     control = sum16_frame(b"\x0e\x01" + head)
     return Case(
-        "hg4930", "hg4930", 100.0, w * gyro_step, f * accel_step, frames, gyro_step, accel_step, others=(control,)
+        "hg4930",
+        "hg4930",
+        rate,
+        w * gyro_step,
+        f * accel_step,
+        frames,
+        gyro_step,
+        accel_step,
+        Options() if rate == 100.0 else Options(rate_hz=rate),
+        (control,),
     )
 
 
@@ -221,13 +233,13 @@ def sbg(n: int = 1500, *, short: bool = True, rate: float = 200.0) -> Case:
     if short:
         w, f = counts(gyro, gyro_step), counts(accel, accel_step)
         for i in range(n):
-            time = (4294000000 + 5000 * i) % (1 << 32)
+            time = (4294000000 + round(1e6 / rate) * i) % (1 << 32)
             frames.append(sbg_frame(44, struct.pack("<IH6ih", time, 0x03FF, *f[i], *w[i], 5120)))
         gyro, accel = w * gyro_step, f * accel_step
     else:
         gyro, accel = gyro.astype("<f4"), accel.astype("<f4")
         for i in range(n):
-            time = (4294000000 + 5000 * i) % (1 << 32)
+            time = (4294000000 + round(1e6 / rate) * i) % (1 << 32)
             frames.append(sbg_frame(3, struct.pack("<IH6ff6f", time, 0x03FF, *[0.0] * 6, 20.0, *accel[i], *gyro[i])))
         gyro, accel, gyro_step, accel_step = gyro.astype(float), accel.astype(float), 1e-12, 1e-9
     others = (sbg_frame(1, bytes(22)), sbg_frame(6, bytes(32)))
@@ -242,11 +254,11 @@ def anpp_frame(packet: int, data: bytes) -> bytes:
     return bytes((((sum(rest) ^ 0xFF) + 1) & 0xFF,)) + rest + data
 
 
-def anpp(n: int = 1500) -> Case:
+def anpp(n: int = 1500, *, rate: float = 100.0) -> Case:
     gyro, accel = (values.astype("<f4") for values in signal(n, FRD))
     frames = [anpp_frame(28, struct.pack("<12f", *accel[i], *gyro[i], 1, 2, 3, 25.0, 101325, 25.0)) for i in range(n)]
     return Case(
-        "anpp", "anpp", 100.0, gyro.astype(float), accel.astype(float), frames, 1e-12, 1e-9, Options(rate_hz=100.0),
+        "anpp", "anpp", rate, gyro.astype(float), accel.astype(float), frames, 1e-12, 1e-9, Options(rate_hz=rate),
         (anpp_frame(20, bytes(100)), anpp_frame(3, bytes(12))),
     )  # fmt: skip
 
@@ -277,7 +289,7 @@ def vectornav(n: int = 1500, *, delta: bool = True, rate: float = 100.0) -> Case
     )  # fmt: skip
 
 
-def vectornav_ascii(n: int = 1500) -> Case:
+def vectornav_ascii(n: int = 1500, *, rate: float = 40.0) -> Case:
     gyro, accel = signal(n, FRD)
     w, f = counts(gyro, 1e-6), counts(accel, 1e-3)
     lines = [
@@ -288,7 +300,7 @@ def vectornav_ascii(n: int = 1500) -> Case:
         for i in range(n)
     ]
     return Case(
-        "vectornav-ascii", "vectornav-ascii", 40.0, w * 1e-6, f * 1e-3, lines, 1e-6, 1e-3, Options(rate_hz=40.0),
+        "vectornav-ascii", "vectornav-ascii", rate, w * 1e-6, f * 1e-3, lines, 1e-6, 1e-3, Options(rate_hz=rate),
         (xor_line("$VNYMR,-022.302,-006.402,-005.432,+01.0670,-00.2568,+03.0696,-00.8,+01.0,-09.7,+0.0,+0.0,+0.0"),),
     )  # fmt: skip
 
@@ -305,7 +317,7 @@ def mip(n: int = 1500, *, delta: bool = True, rate: float = 250.0) -> Case:
     w, f = (gyro * scale).astype(">f4"), (accel * scale / G).astype(">f4")
     frames = []
     for i in range(n):
-        fields = [(0xD5, struct.pack(">Q", 4_000_000 * i)), (0x08 if delta else 0x04, f[i].tobytes())]
+        fields = [(0xD5, struct.pack(">Q", round(1e9 / rate) * i)), (0x08 if delta else 0x04, f[i].tobytes())]
         fields += [(0x07 if delta else 0x05, w[i].tobytes()), (0x18, struct.pack(">H", 0x0100))]
         frames.append(mip_frame(fields))
     return Case(
@@ -411,33 +423,33 @@ def anello_x3(n: int = 1500, *, rate: float = 200.0) -> Case:
     )  # fmt: skip
 
 
-#: Every form of every protocol; each takes the number of frames.
-CASES: dict[str, Callable[[int], Case]] = {
-    "stim": lambda n: stim(n),
-    "stim-increments": lambda n: stim(n, increments=True, line_end=True),
-    "novatel-RAWIMUSX-text": lambda n: novatel(n),
-    "novatel-RAWIMUSX-binary": lambda n: novatel(n, text=False),
-    "novatel-RAWIMUX-text": lambda n: novatel(n, log="RAWIMUX"),
-    "novatel-RAWIMUX-binary": lambda n: novatel(n, log="RAWIMUX", text=False),
-    "novatel-RAWIMUS-text": lambda n: novatel(n, log="RAWIMUS"),
-    "novatel-RAWIMU-binary": lambda n: novatel(n, log="RAWIMU", text=False),
-    "kvh-A-angle": lambda n: kvh(n),
-    "kvh-A-rate": lambda n: kvh(n, increments=False),
-    "kvh-B-angle": lambda n: kvh(n, form="B"),
-    "kvh-C-angle": lambda n: kvh(n, form="C"),
-    "hg4930": lambda n: hg4930(n),
-    "sbg-short": lambda n: sbg(n),
-    "sbg-data": lambda n: sbg(n, short=False),
-    "anpp": lambda n: anpp(n),
-    "vectornav-delta": lambda n: vectornav(n),
-    "vectornav-raw": lambda n: vectornav(n, delta=False),
-    "vectornav-ascii": lambda n: vectornav_ascii(n),
-    "mip-delta": lambda n: mip(n),
-    "mip-scaled": lambda n: mip(n, delta=False),
-    "xbus-dq": lambda n: xbus(n),
-    "xbus-12.20": lambda n: xbus(n, form="12.20"),
-    "xbus-16.32": lambda n: xbus(n, form="16.32"),
-    "inertial-labs": lambda n: inertial_labs(n),
-    "anello": lambda n: anello(n),
-    "anello-x3": lambda n: anello_x3(n),
+#: Every form of every protocol; each takes the number of frames and, by name, their rate.
+CASES: dict[str, Callable[..., Case]] = {
+    "stim": stim,
+    "stim-increments": partial(stim, increments=True, line_end=True),
+    "novatel-RAWIMUSX-text": novatel,
+    "novatel-RAWIMUSX-binary": partial(novatel, text=False),
+    "novatel-RAWIMUX-text": partial(novatel, log="RAWIMUX"),
+    "novatel-RAWIMUX-binary": partial(novatel, log="RAWIMUX", text=False),
+    "novatel-RAWIMUS-text": partial(novatel, log="RAWIMUS"),
+    "novatel-RAWIMU-binary": partial(novatel, log="RAWIMU", text=False),
+    "kvh-A-angle": kvh,
+    "kvh-A-rate": partial(kvh, increments=False),
+    "kvh-B-angle": partial(kvh, form="B"),
+    "kvh-C-angle": partial(kvh, form="C"),
+    "hg4930": hg4930,
+    "sbg-short": sbg,
+    "sbg-data": partial(sbg, short=False),
+    "anpp": anpp,
+    "vectornav-delta": vectornav,
+    "vectornav-raw": partial(vectornav, delta=False),
+    "vectornav-ascii": vectornav_ascii,
+    "mip-delta": mip,
+    "mip-scaled": partial(mip, delta=False),
+    "xbus-dq": xbus,
+    "xbus-12.20": partial(xbus, form="12.20"),
+    "xbus-16.32": partial(xbus, form="16.32"),
+    "inertial-labs": inertial_labs,
+    "anello": anello,
+    "anello-x3": anello_x3,
 }

@@ -377,6 +377,18 @@ def test_hg4930_control_messages_alone_are_taken():
     assert report.rate_hz == 600.0
 
 
+def test_a_rate_that_is_only_usual_and_that_gravity_contradicts_is_asked():
+    case = encoders.hg4930(200, rate=600.0)
+    with pytest.raises(InputError, match=r"at 600 Hz it is.*pass --rate 600, or --rate 100 if it is not"):
+        run(case, Options())
+    samples, report = run(case, Options(rate_hz=600.0))
+    assert samples.accel == pytest.approx(case.accel, abs=case.accel_step)
+    assert report.rate_hz == 600.0
+    samples, report = run(case, Options(rate_hz=100.0))
+    assert samples.accel == pytest.approx(case.accel / 6, abs=case.accel_step)
+    assert codes(run(encoders.hg4930(200))[1]) == {"rate_assumed"}
+
+
 def test_numbers_that_are_not_finite_are_left_out():
     values = np.full(12, np.nan, "<f4")
     good = encoders.anpp(80).frames

@@ -140,6 +140,43 @@ def test_programs_are_served_without_a_page(tmp_path):
         process.communicate(timeout=300)
 
 
+def test_programs_are_answered_while_a_fix_of_the_latitude_is_waited_for(tmp_path):
+    """Alive, not ready, and why; the heading follows the first fix."""
+    placeless = "".join(line for line in HEAD.splitlines(keepends=True) if "latitude" not in line)
+    (tmp_path / "unit.csv").write_text(placeless + "".join(timed_rows(seconds(0, 20))))
+    with socket.create_server(("127.0.0.1", 0)) as receiver:
+        place = f"tcp:127.0.0.1:{receiver.getsockname()[1]}"
+        command = [sys.executable, "-m", "gyronorth.cli", "live", "unit.csv", "--latitude", place, "--no-page", "--api"]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+        process = subprocess.Popen(
+            [*command, "--port", "0", "--json", "--method", "mean", "--speed", "100"],
+            cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        assert process.stderr is not None
+        try:
+            lines = (line.decode() for line in process.stderr)
+            address = next(line for line in lines if line.startswith("api: ")).split()[1]
+            next(line for line in lines if f"waiting for a fix of the latitude from {place}" in line)
+            with pytest.raises(urllib.error.HTTPError, match="503") as answer:
+                urllib.request.urlopen(f"{address}healthz", timeout=300)
+            troubles = json.load(answer.value)["troubles"]
+            assert len(troubles) == 1
+            assert troubles[0].startswith(f"waiting for a fix of the latitude from {place}")
+            with urllib.request.urlopen(f"{address}api/heading", timeout=300) as shown:
+                live = json.load(shown)["live"]
+            assert (live["state"], live["fitness"], live["connected"]) == ("waiting", "aligning", False)
+            connection, _ = receiver.accept()
+            with connection:
+                connection.sendall(b"$GPGGA,092204.999,4800.0000,N,01118.5084,E,1,04,24.4,19.7,M,,,,0000*0E\r\n")
+                output, _ = process.communicate(timeout=300)
+        finally:
+            process.kill()
+            process.wait()
+    last = json.loads(output.splitlines()[-1])
+    assert last["latitude_deg"] == pytest.approx(48.0)
+    assert last["live"]["good"] == 2000
+
+
 def test_metrics_are_lines_that_prometheus_reads():
     status = replace(session_of(HEAD, timed_rows(seconds(0, 20))).status, state="running", rate_of_turn=radians(1))
     for shown in (status, Status("waiting", "here")):

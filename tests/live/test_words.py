@@ -15,8 +15,8 @@ from gyronorth.alignment.turned.bound import turned_sigma
 from gyronorth.findings import Finding
 from gyronorth.live.countdown import Countdown
 from gyronorth.live.holding import Held
-from gyronorth.live.status import Status
-from gyronorth.live.wording import lights, marks, verdict, verdict_short
+from gyronorth.live.status import NO_FIX, Status
+from gyronorth.live.wording import lights, marks, targets, verdict, verdict_short
 from gyronorth.planning import plan
 from gyronorth.sensor import Sensor, TriadErrors, read_sensor
 
@@ -101,6 +101,19 @@ def test_a_heading_that_moved_is_explained_once(running):
 
 def test_marks_are_listed_only_where_there_are_some(running):
     assert marks(running) == ""
+
+
+def test_where_the_sentences_go_is_listed(running):
+    assert targets(running) == ""
+    text = targets(replace(running, targets=("tcp:0.0.0.0:10110", "serial:/dev/<b>")))
+    assert "<li>tcp:0.0.0.0:10110</li><li>serial:/dev/&lt;b&gt;</li>" in text
+
+
+def test_waiting_for_a_fix_is_no_lost_connection(running):
+    text = lights(Status("waiting", "unit", trouble=f"{NO_FIX} from tcp:gps:10110"))
+    assert "Data: waiting for a fix" in text
+    assert "Waiting for a fix of the latitude from tcp:gps:10110." in text
+    assert "connection lost" not in text
 
 
 @pytest.mark.slow

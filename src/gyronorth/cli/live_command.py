@@ -23,7 +23,6 @@ from gyronorth.cli.reading_options import with_reading
 
 if TYPE_CHECKING:
     from gyronorth.live.nmea_out import NmeaOut
-    from gyronorth.live.position import Position
     from gyronorth.live.session import Session
     from gyronorth.live.status import Status
     from gyronorth.readers import ReadOptions
@@ -203,37 +202,16 @@ def live(
     biased = gyro_bias is not None
     curve, method = curve_and_method(deviation, method, reading, any_session=any_session, biased=biased)
     settings = LiveSettings(
-        reading, profile, method, gyro_bias, curve, save, require_sigma, alignment=alignment, position=receiver
-    )
+        reading, profile, method, gyro_bias, curve, save, require_sigma,
+        alignment=alignment, position=receiver, targets=tuple(nmea_out or ()),
+    )  # fmt: skip
     session = Session(opened, settings)
     server = _server(session, host=host, port=int(port), token=token, page=page) if page or api else None
     outs = [
         nmea.NmeaOut(target, rate_hz=output_rate, status=lambda: session.status, kind=nmea_set)
         for target in map(nmea.parse_target, nmea_out or ())
     ]
-    if receiver is not None and not _placed(receiver):
-        return 130
-    try:
-        return _run(session, server, outs, as_json=as_json, interval=1 / output_rate, ends=not page)
-    finally:
-        if receiver is not None:
-            receiver.close()
-
-
-def _placed(receiver: Position) -> bool:
-    """Wait for the first fix; False where the user ends that."""
-    receiver.start()
-    log.info("%s: waiting for a fix of the latitude.", receiver.name)
-    said = ""
-    try:
-        while not receiver.wait(LOOKS):
-            if receiver.trouble and receiver.trouble != said:
-                said = receiver.trouble
-                log.warning("%s: %s", receiver.name, said)
-    except KeyboardInterrupt:
-        receiver.close()
-        return False
-    return True
+    return _run(session, server, outs, as_json=as_json, interval=1 / output_rate, ends=not page)
 
 
 def _server(session: Session, *, host: str, port: int, token: str | None, page: bool) -> Any:

@@ -151,11 +151,13 @@ class Framer:
         """Indices of the accepted frames, and up to which byte all is decided."""
         matters = np.flatnonzero(whole | ~complete)
         ends = start[matters] + length[matters]
-        if (start[matters[1:]] >= ends[:-1]).all():  # as nearly always
+        inside = np.flatnonzero(start[matters[1:]] < ends[:-1])
+        if not len(inside):  # as nearly always
             return self._apart(data, start[matters], ends, whole[matters], matters, last)
+        apart = int(inside[0])  # before the first one in which another begins all are whole
+        taken, end = matters[:apart].tolist(), int(ends[apart - 1]) if apart else 0
+        matters, ends = matters[apart:], ends[apart:].tolist()
         first, good = start[matters].tolist(), whole[matters].tolist()
-        ends = ends.tolist()
-        end, taken = 0, []
         for i, place in enumerate(matters.tolist()):
             if first[i] < end:
                 continue

@@ -23,7 +23,7 @@ from gyronorth.frames.framing import Framer, Frames, joined, split, without
 from gyronorth.frames.merging import covered, fields_of, some_of
 from gyronorth.frames.others import names_of
 from gyronorth.frames.protocol import Bytes, Fields, Options, Scale
-from gyronorth.frames.rates import RATE_CONFLICT, USUAL, findings_of_rates
+from gyronorth.frames.rates import RATE_CONFLICT, USUAL, findings_of_rates, rate_by_gravity
 from gyronorth.frames.registry import protocol_of
 from gyronorth.frames.samples import Kind, Report, Samples, held, to_next, usable_ones
 from gyronorth.frames.samples import joined as samples_joined
@@ -338,6 +338,7 @@ class FrameStream:
                 f"The {self._info.title} stream holds increments per sample and no time; their rate is not known. "
                 "Pass --rate HZ, the rate to which the unit is set."
             )
+        self._check_usual_rate(fields)
         self._has_clock = fields.ticks is not None
         before = self._numbering
         self._numbering = Numbering(
@@ -367,6 +368,19 @@ class FrameStream:
         finding = self._forces.settle(frames, index, number, self._given, self._rate)
         if finding is not None:
             self._tell(finding)
+
+    def _check_usual_rate(self, fields: Fields) -> None:
+        """Refuse a rate that is only usual where gravity says that the unit is set to another."""
+        if self._rate is None or self._rate_from != USUAL or not self._scale.accel_increments:
+            return
+        _, force = self._scaled(fields)
+        rate = None if force is None else rate_by_gravity(force, self._rate)
+        if rate is not None:
+            raise InputError(
+                f"The {self._info.title} stream holds increments per sample and no time. At {self._rate:g} Hz, which "
+                f"is usual for the unit, the specific force is not gravity; at {rate:g} Hz it is. Likely the unit is "
+                f"set to that rate: pass --rate {rate:g}, or --rate {self._rate:g} if it is not."
+            )
 
     def _needs_rate(self) -> bool:
         return self._scale.gyro_increments or self._scale.accel_increments

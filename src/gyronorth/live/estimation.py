@@ -19,7 +19,8 @@ from gyronorth.estimate import HeadingEstimate
 from gyronorth.recording import Recording
 from gyronorth.streaming import StreamingHeading
 
-#: Estimates are this far apart, s, and take at most this share of one core.
+#: Estimates are this far apart, s, and take at most this share of the time: on a busy machine, or while samples come as
+#: fast as they are read, one takes longer, and they are rarer.
 INTERVAL, SHARE = 1.0, 0.1
 #: Samples that may wait; the source waits with them.
 MOST_WAITING = 60_000
@@ -101,9 +102,9 @@ class Estimation:
                 self._take(present, waiting)
                 fresh = fresh or bool(waiting)
                 if ending or flushing or (fresh and time.monotonic() >= self._due):
-                    begun, fresh = time.thread_time(), False
+                    begun, fresh = time.monotonic(), False
                     self._estimate(present)
-                    self._due = time.monotonic() + (time.thread_time() - begun) / SHARE
+                    self._due = time.monotonic() + (time.monotonic() - begun) / SHARE
             if flushing:
                 with self._condition:
                     self._flushing = False

@@ -80,6 +80,7 @@ def build(session: Session) -> None:
             with ui.element("div"):
                 _alignment(session)
                 pictures.append(_Picture(wording.marks, session))
+                pictures.append(_Picture(wording.targets, session))
         with ui.element("details").classes("fold"):
             with ui.element("summary"):
                 ui.html("Input statistics", sanitize=False, tag="span")

@@ -24,7 +24,7 @@ from gyronorth.live.position import Position
 from gyronorth.live.reader import LINES, UNKNOWN, StreamReader
 from gyronorth.live.recorder import RawRecorder, Recorder, utc_now
 from gyronorth.live.rows import Form, LiveRows, RowBatch
-from gyronorth.live.status import Counters, Mark, Status
+from gyronorth.live.status import NO_FIX, Counters, Mark, Status
 from gyronorth.live.stretch import Stretch
 from gyronorth.live.timeline import Timeline
 from gyronorth.readers.options import ReadOptions
@@ -57,6 +57,7 @@ class LiveSettings:
     require_sigma: float | None = None  # rad
     alignment: float = 0.0  # rad, to begin with; `Session.align` sets another
     position: Position | None = None  # tells the latitude, where it is not declared
+    targets: tuple[str, ...] = ()  # of the sentences, for the page
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ class Session:
             saving=settings.save is not None,
             require_sigma=settings.require_sigma,
             replay=not source.live,
+            targets=settings.targets,
         )
         self._looked = time.monotonic()  # when that was
         self.ended = Event()  # the source has ended, or the session failed: nothing more will change by itself
@@ -126,8 +128,7 @@ class Session:
     def start(self) -> None:
         """Start the threads."""
         self._estimation.start()
-        Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
-        self._thread = Thread(target=self.run, name="session", daemon=True)
+        self._thread = Thread(target=self._work, name="session", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -159,8 +160,14 @@ class Session:
             synced.wait(timeout=10)
             self._estimation.flush()
 
+    def _work(self) -> None:
+        """The body of the session's thread."""
+        if self._placed():
+            Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
+        self.run()
+
     def run(self) -> None:
-        """Take what comes until the session ends: the body of its thread."""
+        """Take what comes until the session ends."""
         try:
             while not self._stop.is_set() and self._state != "failed":
                 begun = time.monotonic()
@@ -178,11 +185,28 @@ class Session:
         finally:
             for recorder in self._recorders:
                 recorder.close()
+            if self.settings.position is not None:
+                self.settings.position.close()
             self._estimation.end()
             if self._state in ("waiting", "running"):
                 self._state = "stopped"
             self._publish()
             self.ended.set()
+
+    def _placed(self) -> bool:
+        """Wait for the first fix of a receiver, whose latitude the samples need; False where the session ends first."""
+        position = self.settings.position
+        if position is None:
+            return True
+        position.start()
+        while not position.wait(BATCH):
+            if self._stop.is_set():
+                return False
+            why = f" ({position.trouble})" if position.trouble else ""
+            self._trouble = f"{NO_FIX} from {position.name}{why}"
+            self._publish()
+        self._trouble, self._last_data = "connecting", time.monotonic()
+        return True
 
     def _waiting(self, *, timeout: float = 0.1) -> list[SourceEvent | Command]:
         """What has come from the source and the page; waits for the first."""

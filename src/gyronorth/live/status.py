@@ -24,6 +24,8 @@ State = Literal["waiting", "running", "stopped", "ended", "failed"]
 LiveFitness = Literal["aligning", "degraded", "valid", "held", "invalid"]
 #: A session that has not looked at its source for so long, s, answers for nothing.
 UNATTENDED = 3.0
+#: Trouble of a session that waits for a receiver, before its name.
+NO_FIX = "waiting for a fix of the latitude"
 #: Half width of the 95 % interval of a normal law, sigma.
 NORMAL_95 = 1.96
 
@@ -81,6 +83,7 @@ class Status:
     require_sigma: float | None = None  # rad; a heading that is less certain is not given out
     replay: bool = False  # whether the samples are played back
     marks: tuple[Mark, ...] = ()
+    targets: tuple[str, ...] = ()  # of the sentences, as they were named
     message: str = ""  # what last happened, for people
     saving: bool = False  # whether a recording was asked for
     recording: Path | None = None  # the latest file; None until the first is made, with the first rows

@@ -8,7 +8,7 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.catalogue import FINDINGS
 from gyronorth.estimate import HeadingEstimate
 from gyronorth.live.drawing import compass, quadrants
-from gyronorth.live.status import Status
+from gyronorth.live.status import NO_FIX, Status
 from gyronorth.report.dial import quadrant_seconds
 from gyronorth.report.wording import duration_text, heading_text, interval_text, number_text
 
@@ -110,6 +110,8 @@ def _data(status: Status) -> tuple[str, str, str, list[str]]:
         return "Data", "off" if status.state != "failed" else "bad", status.state, details
     if status.trouble == "connecting":
         return "Data", "care", "connecting", details
+    if status.trouble.startswith(NO_FIX):
+        return "Data", "care", "waiting for a fix", [*details, f"{_sentence(status.trouble)}."]
     if status.trouble:
         word = "no data" if "stalled" in status.trouble else "connection lost"
         details.append(f"{status.trouble}, silent for {status.silent:.0f} s; it is tried again.")
@@ -221,6 +223,12 @@ def marks(status: Status) -> str:
     """The latest moments that the user marked."""
     listed = "".join(f"<li>{mark.time:.1f} s {escape(mark.text)}</li>" for mark in status.marks[-5:])
     return f"<section><p>Marks:</p><ul>{listed}</ul></section>" if listed else ""
+
+
+def targets(status: Status) -> str:
+    """Where the sentences go."""
+    listed = "".join(f"<li>{escape(target)}</li>" for target in status.targets)
+    return f"<section data-targets><p>Sentences go to:</p><ul>{listed}</ul></section>" if listed else ""
 
 
 def _sentence(text: str) -> str:

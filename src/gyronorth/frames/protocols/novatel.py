@@ -91,9 +91,9 @@ IMU_TYPES: tuple[ImuType, ...] = (
 
 
 def _starts(data: Bytes) -> tuple[Index, Index]:
-    short = with_head(data, at_sync(data, (0xAA, 0x44, 0x13)), 10)
+    binary = with_head(data, at_sync(data, (0xAA, 0x44)), 10)
+    short, long = (binary[data[binary + 2] == kind] for kind in (0x13, 0x12))
     short_length = _SHORT_HEADER + data[short + 3].astype(np.int64) + 4
-    long = with_head(data, at_sync(data, (0xAA, 0x44, 0x12)), 10)
     header = data[long + 3].astype(np.int64)
     long_length = header + u16(data, long + 8) + 4
     fits = (header >= _LONG_HEADER) & (header <= _LONGEST_HEADER) & (long_length <= _LONGEST_BINARY)
@@ -124,8 +124,8 @@ def _layouts(rows: Bytes) -> Index:
 
 def _judge_lines(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
     """Which lines NAME,header;body*checksum are whole, and their layouts: the same, + `_TEXT`."""
-    star, view = start + length - 9, memoryview(data.tobytes())
-    crc = [crc32(view[first:end], _ONES) for first, end in zip((start + 1).tolist(), star.tolist(), strict=True)]
+    star, text = start + length - 9, data.tobytes()
+    crc = [crc32(text[first:end], _ONES) for first, end in zip((start + 1).tolist(), star.tolist(), strict=True)]
     whole = np.array(crc, np.int64) ^ _ONES == hex_at_end(windows(data, star + 1, 8), 8)
     body = np.append(np.flatnonzero(data == ord(";")), len(data))
     body = body[np.searchsorted(body, start)]
