@@ -20,9 +20,9 @@ PAGES = Path(__file__).parents[1] / "docs/results"
 DATA = PAGES / "performance"
 WRITTEN = "<!-- Written by `python -m benchmarks page` from docs/results/performance; do not edit. -->"
 #: What in the introduction is replaced by the tables.
-RATIOS, SAMPLES, CAPTURES = "{{ratios}}", "{{samples}}", "{{captures}}"
+RATIOS, SAMPLES, CAPTURES, STAGES = "{{ratios}}", "{{samples}}", "{{captures}}", "{{stages}}"
 #: Files whose tables are not ratios.
-APART = ("frames", "samples")
+APART = ("frames", "samples", "stages")
 
 
 def main(arguments: list[str]) -> int:
@@ -43,11 +43,15 @@ def page() -> str:
     intro = (PAGES / "performance.intro.md").read_text(encoding="utf-8").strip()
     named = sorted(path.stem for path in DATA.glob("*.json") if path.stem not in APART)
     comparisons = [each for name in named for each in _read(name)]
-    tables = {RATIOS: ratios(comparisons), SAMPLES: samples(_read("samples")), CAPTURES: captures(_read("frames"))}
-    text = f"{WRITTEN}\n\n{intro}\n"
+    tables = {
+        RATIOS: ratios(comparisons),
+        SAMPLES: samples(_read("samples")),
+        CAPTURES: captures(_read("frames")),
+        STAGES: stages(_read("stages")),
+    }
     for place, table in tables.items():
-        text = text.replace(place, table)
-    return text
+        intro = intro.replace(place, table)
+    return f"{WRITTEN}\n\n{intro}\n"
 
 
 def ratios(comparisons: list[dict[str, Any]]) -> str:
@@ -97,6 +101,18 @@ def captures(found: list[dict[str, Any]]) -> str:
             f"| {live['whole_times']:.0f} |"
         )
     return "\n".join(rows)
+
+
+def stages(found: list[dict[str, Any]]) -> str:
+    """CPU seconds of each stage of `heading`, and of the script that only loads the file, for each format."""
+    names = list(dict.fromkeys(name for each in found for name in each["cpu_s"]))
+    heads = [f"{each['format']}, {each['program']}" for each in found]
+    rows = [f"| stage, CPU-s | {' | '.join(heads)} |", f"|---|{'---|' * len(found)}"]
+    for name in names:
+        times = [each["cpu_s"].get(name) for each in found]
+        rows.append(f"| {name} | {' | '.join('' if time is None else f'{time:.2f}' for time in times)} |")
+    totals = (sum(each["cpu_s"].values()) for each in found)
+    return "\n".join([*rows, f"| together | {' | '.join(f'{total:.2f}' for total in totals)} |"])
 
 
 def _read(name: str) -> Any:
