@@ -7,7 +7,8 @@ from gyronorth.alignment.rounding import rounding_bias
 from gyronorth.pipeline import heading, heading_batch
 from gyronorth.recording import Recording
 from gyronorth.sensor import read_sensor
-from gyronorth.simulation import simulate_batch
+from gyronorth.simulation import Motion, simulate_batch
+from gyronorth.simulation.disturbance import Draw
 
 NOISE, RUNS, SAMPLES = 1e-5, 40, 1000
 
@@ -70,3 +71,21 @@ def test_a_coarse_output_widens_the_interval_and_is_told():
         low, high = found.interval95
         inside += (truth - low) % (2 * np.pi) <= (high - low) % (2 * np.pi)
     assert inside == 3
+
+
+def test_inertial_allows_for_a_tilt_within_a_step_of_the_accelerometer():
+    """A tilt of 0.1 deg in 100 s, of which a force rounded to 10 mg shows nothing or one step."""
+    rng, step, runs = np.random.default_rng(5), 0.01 * 9.80665, 20
+    truth, roll, pitch = rng.uniform(0, 2 * np.pi, runs), *np.radians(rng.normal(0, 1, (2, runs)))
+    lean = Motion(disturbance=lambda t, *, runs, rng: Draw(runs, t, rng).lean(np.radians(0.1) / 100))
+    place = {"latitude": np.radians(48.0), "rate_hz": 10.0}
+    gyro, force = simulate_batch(
+        "hg9900", runs=runs, heading=truth, roll=roll, pitch=pitch, duration=100.0, rng=rng, motion=lean, **place
+    )
+    known = {"sensor": "hg9900", "method": "inertial", **place}
+    fine = heading_batch(gyro, force, **known)
+    coarse = heading_batch(gyro, np.round(force / step) * step, **known)
+    assert np.all(np.isnan(fine.sigma) | (fine.sigma < np.radians(0.2)))
+    off = (coarse.heading - truth + np.pi) % (2 * np.pi) - np.pi
+    assert np.max(np.abs(off)) > np.radians(5)
+    assert not np.any(coarse.valid & (np.abs(off) > 3 * coarse.sigma))

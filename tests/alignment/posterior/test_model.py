@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from gyronorth.alignment.posterior import explain
 from gyronorth.alignment.posterior.blocks import COUNT, blocks_of
 from gyronorth.alignment.posterior.explain import weigh
-from gyronorth.alignment.posterior.law import FINE, WALK_MODES, block_operators, fitted_law, law
+from gyronorth.alignment.posterior.law import FINE, WALK_MODES, block_operators, law
 from gyronorth.alignment.posterior.model import posterior
 from gyronorth.alignment.posterior.tones import BUMP_RATE, by_periodogram, periodograms, shows_tones, tone_fit
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
@@ -47,6 +48,19 @@ def most_missed(runs, share=0.05):
     return stats.binom.ppf(0.999, runs, share)
 
 
+def dense_noise(sensor, seconds, *, accel):
+    """Operator from means over parts of each block to what is seen, and the covariance of the noise of that."""
+    both, fine = block_operators(seconds, accel=accel), np.arange(FINE * COUNT + 1)
+    own = both @ NoiseLaw(sensor.gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
+    if accel:
+        edges = np.arange(COUNT + 1)
+        force = NoiseLaw(replace(sensor.accel, turn_on_bias=0.0))
+        own[COUNT:, COUNT:] += (
+            force.mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2 + 0.02**2
+        )
+    return both, own
+
+
 @pytest.mark.parametrize("accel", [False, True])
 def test_evidence_is_that_of_the_dense_gaussian(accel):
     """Every shape by a Cholesky factor of its whole covariance, the constant integrated out over a flat prior."""
@@ -57,14 +71,7 @@ def test_evidence_is_that_of_the_dense_gaussian(accel):
     seen = weigh(known, rate[None], None if trace is None else trace[None])
     log_h, info_h, rate_h = seen[0][0], seen[1][0], seen[2][:, 0]
     seen = rate[:, :2] if trace is None else np.concatenate([rate[:, :2], trace])
-    both, fine = block_operators(seconds, accel=accel), np.arange(FINE * COUNT + 1)
-    own = both @ NoiseLaw(sensor.gyro).mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
-    if accel:
-        edges = np.arange(COUNT + 1)
-        force = NoiseLaw(replace(sensor.accel, turn_on_bias=0.0))
-        own[COUNT:, COUNT:] += (
-            force.mean_covariance(edges[:-1], edges[1:], rate_hz=1 / seconds) / STANDARD_GRAVITY**2 + 0.02**2
-        )
+    both, own = dense_noise(sensor, seconds, accel=accel)
     base = int(np.flatnonzero((known.drift == 2) & (known.sway == 0))[0])
     constant = both @ np.ones(FINE * COUNT)
     values = []
@@ -87,36 +94,57 @@ def test_evidence_is_that_of_the_dense_gaussian(accel):
     assert size == len(seen)
 
 
-def test_noise_that_is_added_is_noise_of_the_rate():
+@pytest.mark.parametrize("accel", [False, True])
+def test_noise_that_is_added_is_noise_of_the_rate(accel):
     """Estimates and differences of log weights against the dense law with a covariance of low rank beside its own."""
     sensor, seconds = read_sensor("isa100c"), 5.0
-    known, rng = fitted_law(seconds, sensor, known=True), np.random.default_rng(4)
+    known, rng = law(seconds, sensor, known=True, accel=accel, tones=True), np.random.default_rng(4)
     rate, added = rng.normal(0, 1e-6, (2, COUNT, 3)), rng.normal(0, 3e-7, (2, COUNT, 3))
+    trace = rng.normal(0, 1e-5, (2, COUNT, 2)) if accel else None
     added[1, :, 2] = 0.0
-    log_h, info_h, rate_h, *_ = weigh(known, rate, None, added)
-    base = int(np.flatnonzero((known.drift == 2) & (known.sway == 0))[0])
-    root, shapes = known.horizontal.root[base], known.shapes
-    own, modes = np.linalg.inv(root.T @ root), np.arange(WALK_MODES) + 0.5
-    time = (np.arange(COUNT) + 0.5) / COUNT
-    walk = np.sqrt(2) * np.sin(np.pi * modes * time[:, None]) / (np.pi * modes) * known.bias
-    values = []
+    log_h, info_h, rate_h, *_ = weigh(known, rate, trace, added)
+    base, shapes = int(np.flatnonzero((known.drift == 2) & (known.sway == 0))[0]), known.shapes
+    both, own = dense_noise(sensor, seconds, accel=accel)
+    modes, time = np.arange(WALK_MODES) + 0.5, (np.arange(COUNT) + 0.5) / COUNT
+    walk, column = np.sqrt(2) * np.sin(np.pi * modes * time[:, None]) / (np.pi * modes) * known.bias, shapes.gyro
+    if accel:
+        walk = np.concatenate([walk, (np.tri(COUNT) - 0.5 * np.eye(COUNT)) * seconds @ walk])
+        column = np.concatenate([column, shapes.trace])
+    values, constant = [], both @ np.ones(FINE * COUNT)
     for number in range(2):
+        seen = rate[number, :, :2] if trace is None else np.concatenate([rate[number, :, :2], trace[number]])
         for shape in (0, 5, 20, 60, *shapes.walks):
-            covariance = own + added[number] @ added[number].T
+            covariance = own.copy()
+            covariance[:COUNT, :COUNT] += added[number] @ added[number].T
             if shape in shapes.walks:
                 covariance += shapes.size[shape] ** 2 * walk @ walk.T
             elif shape:
-                column = shapes.gyro[:, shapes.column[shape]]
-                covariance += np.outer(column, column) * shapes.size[shape] ** 2
-            inverse, constant = np.linalg.inv(covariance), np.ones(COUNT)
+                one = column[:, shapes.column[shape]]
+                covariance += np.outer(one, one) * shapes.size[shape] ** 2
+            inverse = np.linalg.inv(covariance)
             information = constant @ inverse @ constant
-            estimate = constant @ inverse @ rate[number, :, :2] / information
-            left = rate[number, :, :2] - constant[:, None] * estimate
+            estimate = constant @ inverse @ seen / information
+            left = seen - constant[:, None] * estimate
             log_p = -np.linalg.slogdet(covariance)[1] - np.log(information) - 0.5 * np.sum(left * (inverse @ left))
             assert info_h[number, base, shape] == pytest.approx(information, rel=1e-6)
             np.testing.assert_allclose(rate_h[:, number, base, shape], estimate, rtol=1e-5, atol=1e-12)
             values.append(log_h[number, base, shape] - log_p)
     np.testing.assert_allclose(values, values[0], atol=1e-4)
+
+
+def test_an_accelerometer_that_is_excluded_takes_nothing_from_the_answer(monkeypatch):
+    """Without a profile: an hour of an sdc500, whose accelerometer is read at two lags, with every setting weighed."""
+    gyro_b, accel_b, _ = simulated(read_sensor("sdc500"), 1, duration=3600.0)
+    known = {"rate_hz": RATE_HZ, "latitude": LATITUDE, "sensor": None, "propose": periodograms}
+    made = []
+    monkeypatch.setattr(explain, "law", lambda *of, **options: made.append(of) or law(*of, **options))
+    few = posterior(gyro_b, accel_b, **known)[0].density
+    count = len(made)
+    monkeypatch.setattr(explain, "EXCLUDED", np.inf)
+    every = posterior(gyro_b, accel_b, **known)[0].density
+    assert count < len(made) - count
+    assert few.heading == pytest.approx(every.heading, abs=1e-12)
+    assert [few.sigma, few.low, few.high] == pytest.approx([every.sigma, every.low, every.high], rel=1e-9)
 
 
 @pytest.mark.parametrize("bumped", [False, True])

@@ -6,16 +6,16 @@ costs as much as all that changes slowly.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import groupby
 
 import numpy as np
 
 from gyronorth.alignment.posterior.axis import Axis
 from gyronorth.alignment.posterior.blocks import COUNT, Blocks
 from gyronorth.alignment.posterior.force import force_difference
-from gyronorth.alignment.posterior.law import Law, fitted_law, law, law_of
+from gyronorth.alignment.posterior.law import Law, law, tone_root
 from gyronorth.alignment.posterior.tones import (
     BUMP,
     LINED,
@@ -40,6 +40,8 @@ QUIETEST = 0.1
 TWIST = 0.1
 #: Explanations less likely than the best by this, in the logarithm, are left out.
 FAR = 12.0
+#: An accelerometer's noise less likely than another by this with one white noise of the gyro is not weighed with less.
+EXCLUDED = 1.5 * FAR
 #: Explanations of tones and bumps less likely than the best by this, whatever changes slowly, are not weighed.
 NEAR = 5.0
 #: Settings of the noise with which tones and bumps are weighed.
@@ -90,20 +92,27 @@ def explaining(blocks: Blocks, index: int, sensor: Sensor, *, known: bool) -> Se
     rate, trace, fine = blocks.rate_l[index], seen_trace(blocks, index, sensor), blocks.fine_l[index]
     rate_hz = blocks.fine_l.shape[1] / blocks.duration
 
-    def weighed(noise: Noise, more: float, **options: Any) -> Weighed:
-        make = law_of if options.get("tones") else law
-        made = make(blocks.seconds, noise.sensor, known=known, accel=trace is not None, **options)
+    def weighed(noise: Noise, more: float, bumped: tuple[int, ...] = ()) -> Weighed:
+        made = law(blocks.seconds, noise.sensor, known=known, accel=trace is not None, bumped=bumped)
         seen = weigh(made, rate[None], None if trace is None else trace[None])
-        masked_s = len(options.get("bumped", ())) * blocks.seconds
-        return _weighed(made, seen, 0, noise, more, len(options.get("tones", ())), masked_s)
+        return _weighed(made, seen, 0, noise, more, 0, len(bumped) * blocks.seconds)
+
+    def toned(noise: Noise, lines: list[tuple[float, float]]) -> list[Weighed]:
+        assert trace is not None
+        made = law(blocks.seconds, noise.sensor, known=known, accel=True, tones=True)
+        added = _alike([_roots(blocks.seconds, lines[:number]) for number in LINED])
+        same = [0] * len(LINED)
+        seen = weigh(made, rate[None][same], trace[None][same], added)
+        return [
+            _weighed(made, seen, place, noise, float(np.log(weight / TONES[0])), number, 0.0)
+            for place, (number, weight) in enumerate(LINED.items())
+        ]
 
     def refitted(ones: Sequence[Cleaned], settings: Sequence[Noise]) -> list[Weighed]:
         found: list[Weighed] = []
         for noise in settings if ones else ():
-            made = fitted_law(blocks.seconds, noise.sensor, known=known)
-            added = np.zeros((len(ones), COUNT, max(one.added.shape[1] for one in ones)))
-            for place, one in zip(added, ones, strict=True):
-                place[:, : one.added.shape[1]] = one.added * (noise.sensor.gyro.white / one.white)
+            made = law(blocks.seconds, noise.sensor, known=known, accel=False, tones=True)
+            added = _alike([one.added * (noise.sensor.gyro.white / one.white) for one in ones])
             seen = weigh(made, np.stack([one.rate_l for one in ones]), None, added)
             seen[0][..., made.shapes.settles] += UNSTEADY
             found += [
@@ -129,18 +138,16 @@ def explaining(blocks: Blocks, index: int, sensor: Sensor, *, known: bool) -> Se
         first = others if len(settings) <= SETTINGS else others[:1]
         found += (tried := refitted(first, settings))
         if len(first) < len(others):
-            found += refitted(others[1:], [noise for _, noise in _best(tried, settings)])
+            found += refitted(others[1:], _best(tried, settings))
     else:
-        found = [weighed(noise, 0.0) for noise in settings]
-        kept = [noise for _, noise in _best(found, settings)]
+        found, weighed_settings = _every_accelerometer(settings, lambda noise: weighed(noise, 0.0))
+        kept = _best(found, weighed_settings)
         lines = strongest(fine, rate_hz=rate_hz) if sways else []
         bumps, chance = bumped_blocks(fine), float(np.log(BUMP * blocks.duration / 100 / COUNT))
         for noise in kept:
-            for number, weight in LINED.items() if sways else ():
-                more = float(np.log(weight / TONES[0]))
-                found.append(weighed(noise, more, tones=tuple(lines[:number])))
+            found += toned(noise, lines) if sways else []
             for hit in bumps:
-                found.append(weighed(noise, len(hit) * chance, bumped=hit))
+                found.append(weighed(noise, len(hit) * chance, hit))
     ceiling = max(one.worth for one in found)
     return [one for one in found if one.worth > ceiling - FAR]
 
@@ -162,10 +169,45 @@ def _weighed(
     return Weighed(made, *horizontal, log_v, info_v, rate_v, noise.log_prior + more, noise.white, tones, masked_s)
 
 
-def _best(found: list[Weighed], settings: list[Noise]) -> list[tuple[Weighed, Noise]]:
+def _every_accelerometer(
+    settings: Sequence[Noise], weighed: Callable[[Noise], Weighed]
+) -> tuple[list[Weighed], list[Noise]]:
+    """All `settings`, the loudest first, but those of an accelerometer that the recording has already excluded.
+
+    Of two noises of the accelerometer one may be so far behind the other that nothing of it is left at the end. With
+    less white noise of the gyro, of which both see the same, it stays behind the same other one.
+    """
+    found: list[Weighed] = []
+    taken: list[Noise] = []
+    behind: set[tuple[TriadErrors, ...]] = set()  # the accelerometers that are left out, each before the better one
+    for _, group in groupby(settings, key=lambda noise: noise.white):
+        both = list(group)
+        order = [noise.sensor.accel for noise in both]
+        each = [noise for noise, pair in zip(both, (order, order[::-1]), strict=False) if tuple(pair) not in behind]
+        ones = [weighed(noise) for noise in each]
+        found, taken = found + ones, taken + each
+        if len(ones) > 1 and abs(ones[0].worth - ones[1].worth) > EXCLUDED:
+            behind.add(tuple(order if ones[0].worth < ones[1].worth else order[::-1]))
+    return found, taken
+
+
+def _best(found: Sequence[Weighed], settings: Sequence[Noise]) -> list[Noise]:
     """Those of `settings` that do best, in their order."""
     order = np.argsort([-one.worth for one in found])[:SETTINGS]
-    return [(found[i], settings[i]) for i in sorted(order)]
+    return [settings[i] for i in sorted(order)]
+
+
+def _roots(seconds: float, lines: Sequence[tuple[float, float]]) -> Array:
+    """Root (COUNT, 4 k) of the covariance of block means of k lines."""
+    return np.concatenate([tone_root(seconds, frequency, size) for frequency, size in lines], axis=1)
+
+
+def _alike(roots: Sequence[Array]) -> Array:
+    """Roots (COUNT, r) of covariances, one of each explanation, as (e, COUNT, r): zeros beyond the own columns."""
+    every = np.zeros((len(roots), COUNT, max(root.shape[1] for root in roots)))
+    for place, root in zip(every, roots, strict=True):
+        place[:, : root.shape[1]] = root
+    return every
 
 
 def seen_trace(blocks: Blocks, index: int, sensor: Sensor) -> Array | None:
@@ -287,9 +329,11 @@ def _axes(axis: Axis, seen: Array, under: Law, added: Array, *, tilting: float =
     cross, of_columns, squares = axis.cross, with_known[:, :, columns, r:], axis.square
     if r:
         lower = np.linalg.cholesky(left[..., :r, :r] + np.eye(r))
-        root: Array = np.asarray(np.linalg.inv(lower), dtype=float)
-        one, these = (root @ of_one[..., :r, None])[..., 0], root @ left[..., :r, r:]
-        shaped = root[0] @ np.swapaxes(with_known[:, :, columns, :r], 2, 3)
+        beside = np.concatenate([of_one[..., :r, None], left[..., :r, r:]], axis=-1)
+        solved: Array = np.asarray(np.linalg.solve(lower, beside), dtype=float)
+        one, these = solved[..., 0], solved[..., 1:]
+        of_shapes = np.swapaxes(with_known[:, :, columns, :r], 2, 3)
+        shaped: Array = np.asarray(np.linalg.solve(lower[0], of_shapes), dtype=float)
         information = information - np.sum(one**2, axis=-1)
         projected = projected - (one[..., None, :] @ these)[..., 0, :]
         square = square - np.sum(these**2, axis=(-2, -1))

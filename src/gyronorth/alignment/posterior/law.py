@@ -116,52 +116,34 @@ class Law:
     bias: float  # turn-on and in-run bias of the profile, rad/s
 
 
-#: Laws that are kept: 2.3 MB each, and a running unit, whose every estimate is of another length, fills all places.
-KEPT = 4
+#: Laws that are kept: 2.3 MB each at most, as many as one recording without a profile takes. A running unit, whose
+#: every estimate is of another length, fills all places.
+KEPT = 8
 
 
 @lru_cache(maxsize=KEPT)
-def law(seconds: float, sensor: Sensor, *, known: bool, accel: bool, bumped: tuple[int, ...] = ()) -> Law:
-    """The law of recordings of `COUNT` blocks of so many seconds, some of which hold bumps."""
-    return law_of(seconds, sensor, known=known, accel=accel, bumped=bumped)
-
-
-@lru_cache(maxsize=KEPT)
-def fitted_law(seconds: float, sensor: Sensor, *, known: bool) -> Law:
-    """The law of block means without forces from which tones or bumps were taken, but for the noise that this adds."""
-    return law_of(seconds, sensor, known=known, accel=False, fitted=True)
-
-
-def law_of(
-    seconds: float,
-    sensor: Sensor,
-    *,
-    known: bool,
-    accel: bool,
-    bumped: tuple[int, ...] = (),
-    fitted: bool = False,
-    tones: tuple[tuple[float, float], ...] = (),
+def law(
+    seconds: float, sensor: Sensor, *, known: bool, accel: bool, bumped: tuple[int, ...] = (), tones: bool = False
 ) -> Law:
-    """The same, not kept; of white noise and drift alone where tones or bumps were `fitted`.
+    """The law of recordings of `COUNT` blocks of so many seconds, some of which hold bumps.
 
-    `sensor` is the profile where it is `known`, else it stands for one.
-    `tones` are frequencies, Hz, and sizes, rad/s, of sway, of which the accelerometer sees the tilt.
+    `sensor` is the profile where it is `known`, else it stands for one. Beside `tones`, whose own noise `weigh` adds,
+    broadband motion is what they leave; without an accelerometer tones and bumps were taken from the block means.
     """
     gyro, duration = sensor.gyro, seconds * COUNT
     scale = max(float(np.hypot(gyro.turn_on_bias, gyro.flicker)), 2 * gyro.white / np.sqrt(duration), 1e-12)
     shapes = _shapes(seconds, scale, accel=accel)
-    samples = _white(gyro.white, 0.0 if fitted else gyro.quantisation, seconds, accel=accel)
+    samples = _white(gyro.white, 0.0 if tones and not accel else gyro.quantisation, seconds, accel=accel)
     base = samples.copy()
     base[:COUNT, :COUNT] += FLOOR**2 * np.eye(COUNT)
     base[bumped, bumped] += (BUMP_ANGLE / seconds) ** 2
-    base[:COUNT, :COUNT] += sum((_tone(seconds, f, size) for f, size in tones), np.zeros((COUNT, COUNT)))
     if accel:
         base[COUNT:, COUNT:] += (
             force_noise(sensor.accel, seconds) + ANY_TILT**2 + (FLOOR * duration) ** 2 * np.eye(COUNT)
         )
     noise = base + _drifts(replace(gyro, white=0.0) if gyro.flicker or gyro.random_walk else gyro, seconds, accel=accel)
     forces, levels = forces_of(sensor.accel) if accel else (np.zeros(1), np.zeros((1, 0, 0)))
-    moves = _moves(seconds, len(forces), known=known, fitted=fitted or bool(tones) or bool(bumped))
+    moves = _moves(seconds, len(forces), known=known, beside=tones or bool(bumped))
     used, number = np.unique(moves.drift * len(forces) + moves.force, return_inverse=True)
     horizontal = noise[used // len(forces)].copy()
     horizontal[:, COUNT:, COUNT:] += levels[used % len(forces)]
@@ -197,15 +179,15 @@ class _Moves:
 
 
 @lru_cache(maxsize=16)
-def _moves(seconds: float, forces: int, *, known: bool, fitted: bool) -> _Moves:
-    """Bases of all motions; beside tones or bumps that were fitted, of what they leave."""
+def _moves(seconds: float, forces: int, *, known: bool, beside: bool) -> _Moves:
+    """Bases of all motions; beside tones or bumps, of what they leave."""
     duration, some = seconds * COUNT, SWAY if forces > 1 else SWAY_UNSEEN
-    sways = [(0.0, 1.0), *((size, time) for size in SWAYS for time in (SWAY_TIMES_LEFT if fitted else SWAY_TIMES))]
+    sways = [(0.0, 1.0), *((size, time) for size in SWAYS for time in (SWAY_TIMES_LEFT if beside else SWAY_TIMES))]
     motion = [size**2 * _motion(seconds, time * duration) for size, time in sways]
     # Without an accelerometer a tilt that settles is next to a constant bias: the shapes' smaller prior holds.
     creeps = CREEPS if forces > 1 else ()
     motion += [size**2 * _creep(seconds) for size in creeps]
-    sizes, lags = (YAWS_LEFT, YAW_TIMES_LEFT) if fitted else (YAWS, YAW_TIMES)
+    sizes, lags = (YAWS_LEFT, YAW_TIMES_LEFT) if beside else (YAWS, YAW_TIMES)
     yaws = [(0.0, 1.0), *((size, time) for size in sizes for time in lags)]
     turning = [yaw**2 * _motion(seconds, time * duration) for yaw, time in yaws]
     turning += [yaw**2 * _creep(seconds) for yaw in YAW_CREEPS]
@@ -254,13 +236,15 @@ def _log_prior(some: tuple[float, ...], drift: Index, moved: tuple[Index, ...]) 
     return np.asarray(np.log(np.where(probability > 0, probability, left)), dtype=float)
 
 
-def _tone(seconds: float, frequency: float, size: float) -> Array:
-    """Covariance of block means of a rate that sways at about `frequency`, Hz, in any phase; `size`, rad/s, rms."""
+def tone_root(seconds: float, frequency: float, size: float) -> Array:
+    """Root (COUNT, 4) of the covariance of block means of a rate that sways at about `frequency`, Hz, in any phase.
+
+    `size`, rad/s, is its rms.
+    """
     near = frequency + np.array([-NEAR_LINE, NEAR_LINE]) / (seconds * COUNT)
     phase = 2 * np.pi * (np.arange(COUNT) + 0.5) * seconds * near[:, None, None]
     wave = np.concatenate([np.cos(phase), np.sin(phase)]) * np.sinc(near * seconds)[[0, 1, 0, 1], None, None]
-    columns = wave[:, 0].T * size
-    return np.asarray(columns @ columns.T / 2, dtype=float)
+    return np.asarray(wave[:, 0].T * (size / np.sqrt(2)), dtype=float)
 
 
 @lru_cache(maxsize=64)
