@@ -12,7 +12,7 @@ from pathlib import Path
 
 IMAGES = Path(__file__).parent / "images"
 IMAGE = re.compile(r'<p><img alt="([^"]*)" src="[^"]*images/(\w+)\.svg" ?/?></p>')
-FIGURE = re.compile(r'(<p>)(<img alt="[^"]*" src="([\w./-]+\.png)" ?/?>)(</p>)')
+FIGURE = re.compile(r'(<p>)(<img alt="[^"]*" src="([\w./-]+\.png)[#\w-]*" ?/?>)(</p>)')
 
 
 def on_page_content(content: str, **_: object) -> str:
