@@ -1,6 +1,7 @@
-"""An extension of the API pages: the marks of references in numpydoc, which Markdown does not know.
+"""An extension of the API pages: marks of numpydoc that Markdown and the parser do not know.
 
-`[1]_` becomes [1], and `.. [1] A book` an item of a list.
+`[1]_` becomes [1], `.. [1] A book` an item of a list, and `::` before code a colon. Parameters on one line without a
+type get a line each, so that each shows a type of its own.
 """
 
 from __future__ import annotations
@@ -10,6 +11,9 @@ from typing import Any
 
 from griffe import Extension, Object
 
+#: Names on one line without a type, and the indented lines that explain them.
+SHARED = re.compile(r"^( *)(\*{0,2}\w+(?:, \*{0,2}\w+)+)\n((?:\1 +\S.*\n?)+)", re.MULTILINE)
+
 
 class DocstringMarks(Extension):
     """Rewrites every docstring before it is parsed."""
@@ -18,4 +22,13 @@ class DocstringMarks(Extension):
         """The marks of one docstring."""
         if obj.docstring:
             text = re.sub(r"(\[\d+\])_(?!\w)", r"\1", obj.docstring.value)
-            obj.docstring.value = re.sub(r"^( *)\.\. (\[\d+\]) ", r"\1- \2 ", text, flags=re.MULTILINE)
+            text = re.sub(r"^( *)\.\. (\[\d+\]) ", r"\1- \2 ", text, flags=re.MULTILINE)
+            text = re.sub(r"::\n\n(?= +\S)", ":\n\n", text)
+            obj.docstring.value = SHARED.sub(_apart, text)
+
+
+def _apart(found: re.Match[str]) -> str:
+    """Each of several parameters with the explanation that they share."""
+    indent, names, explained = found.groups()
+    explained = explained.rstrip("\n")
+    return "\n".join(f"{indent}{name}\n{explained}" for name in names.split(", ")) + "\n" * found[0].endswith("\n")

@@ -41,4 +41,4 @@ def blocks(cell: dict[str, Any]) -> Iterator[str]:
             yield f"```text\n{''.join(output['text']).rstrip()}\n```"
         else:
             image = output["data"]["image/png"]
-            yield f'<p><img alt="Figure drawn by the cell above" src="data:image/png;base64,{image}"></p>'
+            yield f'<p class="figure"><img alt="Figure of the cell above" src="data:image/png;base64,{image}"></p>'

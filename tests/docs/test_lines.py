@@ -30,6 +30,12 @@ def module(name: str):
         ("<p>not here: --out</p>", "<p>not here: --out</p>"),
         (f"<code>{'test_' * 6}</code>", f"<code>{'test_<wbr>' * 6}</code>"),
         (f"<code>{'of.names.' * 4}x</code>", f"<code>{'of.<wbr>names.<wbr>' * 4}x</code>"),
+        (
+            "<code>a_name.of(something.or_other)</code>",
+            "<code>a_<wbr>name.<wbr>of(<wbr>something.<wbr>or_<wbr>other)</code>",
+        ),
+        ("<code>tcp|udp:HOST | x</code>", "<code>tcp|<wbr>udp:HOST | x</code>"),
+        (f"<h3>{'of.names.' * 4}x</h3>", f"<h3>{'of.<wbr>names.<wbr>' * 4}x</h3>"),
     ],
 )
 def test_options_and_percentages_stay_whole_and_long_names_break(given, expected):
@@ -37,8 +43,20 @@ def test_options_and_percentages_stay_whole_and_long_names_break(given, expected
 
 
 def test_marks_of_numpydoc_become_markdown():
-    pytest.importorskip("griffe", reason="griffe comes with the extra dev")
     value = "By [1]_, eq. 11; a[0]_b stays.\n\n.. [1] A. Author,\n       a book."
+    assert read(value) == "By [1], eq. 11; a[0]_b stays.\n\n- [1] A. Author,\n       a book."
+    assert read("A capture::\n\n    decode(data)") == "A capture:\n\n    decode(data)"
+
+
+def test_parameters_on_one_line_have_types_of_their_own():
+    value = "Parameters\n----------\nsensor, *names\n    As in `heading`.\nlow, high : float\n    Limits."
+    expected = "sensor\n    As in `heading`.\n*names\n    As in `heading`.\nlow, high : float\n    Limits."
+    assert read(value) == f"Parameters\n----------\n{expected}"
+
+
+def read(value: str) -> str:
+    """A docstring as the API pages read it."""
+    pytest.importorskip("griffe", reason="griffe comes with the extra dev")
     documented = SimpleNamespace(docstring=SimpleNamespace(value=value))
     module("docstring_marks").DocstringMarks().on_object(obj=documented)
-    assert documented.docstring.value == "By [1], eq. 11; a[0]_b stays.\n\n- [1] A. Author,\n       a book."
+    return documented.docstring.value

@@ -83,6 +83,16 @@ CUT_IN_PRINT = """() => {
 #: Tables that a phone shows in part: one has to scroll within their box.
 IN_PART = """() => [...document.querySelectorAll(".md-typeset__scrollwrap")].filter(
   e => e.clientWidth && e.scrollWidth > e.clientWidth + 1).map(e => e.textContent.trim().slice(0, 40))"""
+#: Figures that a phone shrinks until their labels cannot be read; one with a width of its own is meant to be small.
+SHRUNK = """() => [...document.querySelectorAll("article img:not([width])")].filter(
+  e => e.clientWidth && e.clientWidth < Math.min(e.naturalWidth, 480)).map(e => e.alt.slice(0, 40))"""
+#: Blocks of wrapped lines that are not copied as they were written; the theme marks what it copies.
+COPIED_WRONGLY = """() => [...document.querySelectorAll(".wrapped code")].filter(e => {
+  e.setAttribute("data-md-copying", "");
+  const copied = e.innerText;
+  e.removeAttribute("data-md-copying");
+  return copied.trimEnd() !== e.textContent.trimEnd();
+}).map(e => e.textContent.slice(0, 40))"""
 #: Width of the text on A4 with the margins of docs/stylesheets/pages.css, px.
 PAPER = 680
 #: Nobody scrolls further, px: a phone's screen is 844 high.
@@ -131,6 +141,8 @@ def test_every_page_fits_a_phone_and_paper_and_asks_nobody(tmp_path, new_page):
         page.goto(path.as_uri())
         assert page.evaluate(BEYOND) == [0, []], path.name
         assert page.evaluate("document.documentElement.scrollHeight") < LONGEST, path.name
+        assert page.evaluate(SHRUNK) == [], path.name
+        assert page.evaluate(COPIED_WRONGLY) == [], path.name
         assert "][gyronorth" not in page.inner_text("body"), f"{path.name}: a reference without a target"
         if path.parent.name == "guide":  # results have wide tables of figures
             assert page.evaluate(IN_PART) == [], path.name
