@@ -107,3 +107,14 @@ def test_a_nudge_in_azimuth_refuses_nothing_and_the_heading_is_that_at_the_end(a
     arcs = [(one.interval95[0], np.diff(one.interval95)[0] % (2 * np.pi)) for one in found]
     assert sum((1.0 + nudge - low) % (2 * np.pi) <= wide for low, wide in arcs) >= 9
     assert np.mean([one.sigma for one in found]) < np.radians(1.0)
+
+
+def test_a_force_without_gravity_is_refused():
+    """As logged by programs that take gravity out: what is left has any direction."""
+    rng = np.random.default_rng(3)
+    gyro_b, accel_b = simulate_batch(
+        "hg9900", runs=1, latitude=np.radians(48.0), heading=1.0, duration=100.0, rate_hz=10.0, rng=rng
+    )
+    bare = Recording(gyro_b=gyro_b[0], accel_b=accel_b[0] - accel_b[0].mean(axis=0), rate_hz=10.0)
+    estimate = heading(bare, latitude=np.radians(48.0), sensor="hg9900", method="posterior")
+    assert "gravity" in [reason.code for reason in estimate.reasons]

@@ -23,6 +23,8 @@ YAW_BLOCKS, NUDGED = 48, 0.9
 #: Samples beyond which second-order terms of the motion are worked out from means, and second differences from which
 #: the noise is read.
 FINE, DIFFERENCES = 80_000, 10_000
+#: Mean specific force, m/s^2, below which a tilt is not told from it: the heading is refused (`gravity`).
+LEAST_GRAVITY = 0.1
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,8 @@ def blocks_of(
         force = (block_means(accel_b, small) if small > 1 else accel_b) @ turn
         gravity = np.linalg.norm(mean_of_rows(force), axis=-1)
         rounding = rounding_of_tilt(accel_b)
-        tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / gravity[:, None, None]
+        down = np.maximum(gravity, LEAST_GRAVITY)[:, None, None]
+        tilt = np.stack([-force[..., 1], force[..., 0]], axis=-1) / down
         tilt = _turned(tilt - mean_of_rows(tilt)[:, None], *turned)
         if attitude is None:
             rate = _linear(rate, tilt)
