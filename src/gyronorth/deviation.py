@@ -45,7 +45,7 @@ SCREEN = 15.0
 
 @dataclass(frozen=True)
 class DeviationPrior:
-    """What is believed before any recording is seen: medians, and log standard deviations.
+    """Prior of the settings: medians, and log standard deviations.
 
     `noise` and `curve` are relative to the root mean square error of the recordings fitted to.
     """

@@ -1,4 +1,4 @@
-"""What a pipeline answers: the estimate of one recording, of a batch, and along time. SI and radians."""
+"""Results: the heading of one recording, of a batch, and against time. SI units and radians."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class SensorErrors:
 
 @frozen
 class DisturbanceFound:
-    """What a method that models disturbance (bayes, learned) found in a recording."""
+    """The disturbance found by a method that models it (posterior, bayes, learned)."""
 
     sway_tones: float  # expected number
     settling: float  # probability that the gyro bias settles
@@ -88,7 +88,7 @@ class DisturbanceFound:
 
 @frozen
 class HeadingDensity:
-    """What is believed of the heading, as a density: the method `posterior` gives one."""
+    """Probability density of the heading, from the method `posterior`."""
 
     heading: Array  # (k,) rad in [0, 2 pi), evenly apart over the part of the circle that holds the mass
     density: Array  # (k,) 1/rad; its integral over the circle is 1
@@ -139,7 +139,7 @@ class HeadingEstimate:
 
     @property
     def fitness(self) -> Fitness:
-        """What the heading is good for, by the reasons against it."""
+        """Fitness of the heading for use, by its reasons: valid, aligning, degraded or invalid."""
         codes = {reason.code for reason in self.reasons}
         if not codes:
             return "valid"

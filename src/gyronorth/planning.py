@@ -1,4 +1,4 @@
-"""What a sensor can reach at a latitude: expected heading sigma against time, and when waiting stops to help."""
+"""Expected heading sigma of a sensor at a latitude, against time, and when waiting no longer helps."""
 
 from __future__ import annotations
 

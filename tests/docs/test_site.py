@@ -93,6 +93,14 @@ COPIED_WRONGLY = """() => [...document.querySelectorAll(".wrapped code")].filter
   e.removeAttribute("data-md-copying");
   return copied.trimEnd() !== e.textContent.trimEnd();
 }).map(e => e.textContent.slice(0, 40))"""
+#: Pictures drawn on white that a dark page shows as they are.
+GLARING = """() => {
+  document.body.dataset.mdColorScheme = "slate";
+  const found = [...document.querySelectorAll("article img")].filter(
+    e => e.clientWidth && getComputedStyle(e).filter === "none" && !e.src.includes("_dark"));
+  document.body.dataset.mdColorScheme = "default";
+  return found.map(e => e.alt.slice(0, 40));
+}"""
 #: Width of the text on A4 with the margins of docs/stylesheets/pages.css, px.
 PAPER = 680
 #: Nobody scrolls further, px: a phone's screen is 844 high.
@@ -143,6 +151,7 @@ def test_every_page_fits_a_phone_and_paper_and_asks_nobody(tmp_path, new_page):
         assert page.evaluate("document.documentElement.scrollHeight") < LONGEST, path.name
         assert page.evaluate(SHRUNK) == [], path.name
         assert page.evaluate(COPIED_WRONGLY) == [], path.name
+        assert page.evaluate(GLARING) == [], path.name
         assert "][gyronorth" not in page.inner_text("body"), f"{path.name}: a reference without a target"
         if path.parent.name == "guide":  # results have wide tables of figures
             assert page.evaluate(IN_PART) == [], path.name

@@ -37,7 +37,7 @@ ENTRY_POINTS = "gyronorth.methods"
 
 @frozen
 class Options:
-    """What a user asks of a method, beside the problem."""
+    """Options of a method, given by the user beside the problem."""
 
     bundle: Path | None = None  # trained networks; None: those that ship
     turn_angles: tuple[float, ...] | None = None  # of the turns between poses, rad, clockwise from above
@@ -54,7 +54,7 @@ class Method(Protocol):
         ...
 
     def solve(self, problem: Problem, options: Options) -> Result:
-        """What it finds of one recording; of a batch where `info.batched`."""
+        """Heading of one recording; of a batch where `info.batched`."""
         ...
 
 
@@ -188,7 +188,7 @@ def fits(info: MethodInfo, problem: Problem) -> bool:
 
 
 def solve(name: str, problem: Problem, options: Options) -> Result:
-    """What a method finds of one recording, corrected by a deviation curve where one is given.
+    """Heading of one recording by a method, corrected by a deviation curve where one is given.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def solve_batch(name: str, problem: Problem, options: Options) -> list[tuple[Mas
 
 
 def solve_each(name: str, problems: Sequence[Problem], options: Options) -> list[Result]:
-    """What a method finds of each of several recordings of one length, rate and place, side by side where it can."""
+    """Headings of several recordings of one length, rate and place, computed together where the method can."""
     method = METHODS[name]
     many = getattr(method, "solve_many", None)
     if many is None:

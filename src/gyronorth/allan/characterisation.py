@@ -43,7 +43,7 @@ class TriadReport:
 
 @dataclass(frozen=True)
 class Characterisation:
-    """What a recording at rest tells of its sensor."""
+    """Allan deviation, error terms and profile of a recording at rest."""
 
     gyro: TriadReport
     accel: TriadReport | None  # None: gyro only, or an accelerometer that does not vary

@@ -20,7 +20,7 @@ OTHER = -1
 
 @dataclass(frozen=True)
 class Options:
-    """What the user declares of a stream; None: as the frames say, else as is usual."""
+    """Declarations about a stream; None: as the frames state, else the usual value."""
 
     rate_hz: float | None = None  # sample rate, Hz
     gyro_unit: Literal["rad/s", "deg/s"] | None = None  # for KVH: the unit of rate (or of angle, per sample)

@@ -1,4 +1,4 @@
-"""What comes out of the frame layer: samples in SI, and an account of the stream."""
+"""Output of the frame layer: samples in SI, and a report on the stream."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The heading of each of many recordings: what is asked of them, and what became of one."""
+"""Headings of many recordings: the options that apply to all of them, and the outcome of each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ANGLES = ("latitude", "boresight", "attitude", "turn_angles", "turn_angle_sigma
 
 @frozen
 class Request:
-    """What is asked of every recording; SI units and radians."""
+    """Options that apply to every recording; SI units and radians."""
 
     reading: ReadOptions
     sensor: Sensor | None = None
@@ -49,17 +49,17 @@ class Request:
     turn_angle_sigma: float | None = None  # rad
 
     def read(self, path: Path, progress: Callable[[float], None] | None = None) -> Recording:
-        """The recording, less its known bias."""
+        """The recording with its known bias subtracted."""
         from gyronorth import readers
 
         return self.unbiased(readers.read(path, self.reading, progress=progress))
 
     def unbiased(self, recording: Recording) -> Recording:
-        """A recording, less its known bias."""
+        """A recording with its known bias subtracted."""
         return recording if self.gyro_bias is None else recording.without_bias(self.gyro_bias)
 
     def heading(self, recording: Recording | list[Recording]) -> HeadingEstimate:
-        """What the pipeline finds."""
+        """The heading of a recording, or of poses in several, by the pipeline."""
         from gyronorth import pipeline
 
         return pipeline.heading(
@@ -76,7 +76,7 @@ class Request:
         )
 
     def settings(self, **more: Any) -> str:
-        """All that decides the headings of given files, as one JSON object: what is not as by default.
+        """Everything that determines the headings, as one JSON object; defaults are omitted.
 
         A profile, a curve and a bundle stand there with a checksum of their content.
         """
@@ -105,24 +105,24 @@ class HeadingTask:
         return [Outcome(name, self.request.heading(recording), heading_true=recording.heading_true)]
 
     def failed(self, name: str, message: str) -> Outcome:
-        """What stands for a file of which nothing could be had."""
+        """The outcome of a file that could not be read."""
         return Outcome(name, message=message)
 
     def settings(self) -> str:
-        """All that decides the headings, see `Request.settings`."""
+        """Everything that determines the headings, see `Request.settings`."""
         return self.request.settings(**({} if self.windows is None else {"windows_s": self.windows}))
 
 
 @frozen
 class Work:
-    """What a worker does with each recording."""
+    """The work on each recording."""
 
     task: Any  # `HeadingTask`, or one of `gyronorth.many.tasks`
     settings: str = ""
     checksums: bool = True  # whether the outcome carries one
 
     def outcomes(self, item: Item, known: str = "") -> list[Any]:
-        """What became of a recording, whatever that is; nothing where its checksum is `known`, which is done."""
+        """The outcomes of a recording, failures included; none if its checksum is `known`: it is done already."""
         checksum = state_of(item.address) if self.checksums else ""
         if known and checksum == known:
             return []
@@ -142,7 +142,7 @@ class Work:
 
 
 def told(error: Exception) -> str:
-    """What the row of a recording says of an exception."""
+    """The message of an exception, for the row of a recording."""
     if isinstance(error, InputError | OSError):
         return str(error)
     if is_of_memory(error):

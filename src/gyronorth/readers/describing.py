@@ -1,4 +1,4 @@
-"""What a file holds, for a probe before any heading: read whole when it is short, at some places when it is long."""
+"""Content of a file, before any heading: a short file is read completely, a long one at some places."""
 
 from __future__ import annotations
 

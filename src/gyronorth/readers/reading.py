@@ -35,7 +35,7 @@ CHUNK_SAMPLES = 1 << 16
 
 @frozen
 class RecordingInfo:
-    """What is known of a file before its samples are read."""
+    """Facts of a file that are known before its samples are read."""
 
     source: str  # file name
     format: str  # name of the format
