@@ -16,7 +16,6 @@ from gyronorth.readers.bag_folder import METADATA
 from gyronorth.readers.library import errors_translated, pickled
 from gyronorth.readers.spool import SUFFIXES, Spooled, most_of
 
-MAGIC = b"PK\x03\x04"
 #: Suffixes of what lies beside recordings in archives.
 _BESIDE = frozenset(
     (".pdf", ".png", ".jpg", ".jpeg", ".svg", ".md", ".html", ".xml", ".json", ".yaml", ".yml", ".ini", ".cfg", ".mp4",

@@ -1,4 +1,7 @@
-"""Which reader opens which file."""
+"""Which reader opens which file.
+
+What only some files need (archives, rows that are no table, two files as one) is loaded when such a file comes.
+"""
 
 from __future__ import annotations
 
@@ -10,24 +13,21 @@ from functools import partial
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gyronorth import catalogue
 from gyronorth.catalogue import FormatInfo
 from gyronorth.errors import InputError, did_you_mean
-from gyronorth.readers.archive import MAGIC as ZIP
-from gyronorth.readers.archive import inner_suffix, is_npz, is_workbook, members_of, split_path, unzipped
 from gyronorth.readers.bag_folder import METADATA, is_bag_folder, is_oxts_folder, is_recording_folder
 from gyronorth.readers.budget import counted, open_apart, size_of
-from gyronorth.readers.foreign import foreign
 from gyronorth.readers.format import LOOK, Format
-from gyronorth.readers.joining import joined, options_of_two
-from gyronorth.readers.library import pickled
 from gyronorth.readers.options import ReadOptions
-from gyronorth.readers.outgoing import RecordingStream
-from gyronorth.readers.oxts import of_oxts
-from gyronorth.readers.records import rewriter_of
+from gyronorth.readers.plain_table import is_plain_table
 from gyronorth.readers.source import Source
-from gyronorth.readers.spool import Spooled, is_stream, packed_as, piped, unpacked
+from gyronorth.readers.spool import ZIP, Spooled, is_stream, packed_as, piped, unpacked
+
+if TYPE_CHECKING:
+    from gyronorth.readers.outgoing import RecordingStream
 
 #: Entry points of installed packages that name a format of their own.
 ENTRY_POINTS = "gyronorth.formats"
@@ -140,7 +140,7 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0, packed: int | None
     if is_stream(path):
         spooled = piped(path)
         return _held(spooled, spooled.path.name, options, depth)
-    inside = None if path.exists() else split_path(path)
+    inside = None if path.exists() else _split(path)
     if inside is not None:
         archive, member = inside
         if not _head(archive).startswith(ZIP):
@@ -167,6 +167,8 @@ def _opened(path: Path, options: ReadOptions, depth: int = 0, packed: int | None
 def _of_folder(path: Path, options: ReadOptions, depth: int) -> Source:
     """A folder that is one recording."""
     if is_oxts_folder(path):
+        from gyronorth.readers.oxts import of_oxts
+
         return _held(of_oxts(path), path.name, options, depth)
     if not is_bag_folder(path):
         raise InputError(
@@ -179,9 +181,14 @@ def _of_folder(path: Path, options: ReadOptions, depth: int) -> Source:
 def _refuse_unread(path: Path, head: bytes, options: ReadOptions) -> None:
     """Refuse pickles, formats of which it is known that they are not read, and sentences without raw rates."""
     undeclared = options.format is None and FORMATS.suffixes.get(path.suffix.lower(), "csv") == "csv"
-    if undeclared and (says := foreign(head, path.name)):
-        raise InputError(says)
+    if undeclared and not is_plain_table(head):
+        from gyronorth.readers.foreign import foreign
+
+        if says := foreign(head, path.name):
+            raise InputError(says)
     if path.suffix.lower() in PICKLES or (head[:1] == b"\x80" and head[1:2] in PICKLE_PROTOCOLS):
+        from gyronorth.readers.library import pickled
+
         raise InputError(pickled(path.name))
     if _may_be_text(path, options) and not options.columns and head.startswith((b"$VN", b"#AP")):
         from gyronorth.readers.formats.frames import refuse_others
@@ -197,15 +204,21 @@ def _may_be_text(path: Path, options: ReadOptions) -> bool:
 
 def _rewriter(path: Path, options: ReadOptions) -> Callable[[Path], Spooled] | None:
     """What writes a text as a table that is none; None for all other files."""
-    return rewriter_of(_head(path, LOOK)) if _may_be_text(path, options) else None
+    if not _may_be_text(path, options) or is_plain_table(head := _head(path, LOOK)):
+        return None
+    from gyronorth.readers.records import rewriter_of
+
+    return rewriter_of(head)
 
 
 def _of_two(path: Path, options: ReadOptions) -> Source:
     """A gyroscope's file joined with an accelerometer's."""
+    from gyronorth.readers.joining import joined, options_of_two
+
     of_gyro, of_accel = options_of_two(options)
     gyro = _opened(path, of_gyro)
     accel_file = Path(options.accel_file or "")
-    if not accel_file.exists() and split_path(accel_file) is None:
+    if not accel_file.exists() and _split(accel_file) is None:
         raise InputError(f"There is no file {accel_file}.")
     accel = _opened(accel_file, of_accel)
     return joined(gyro, accel, drop_bad_rows=options.drop_bad_rows)
@@ -251,7 +264,16 @@ def _is_archive(path: Path, options: ReadOptions) -> bool:
     """Whether a file that begins as a zip archive is one of files, and no format of its own."""
     if options.format not in (None, "csv") or path.suffix.lower() in FORMATS.suffixes:
         return False
+    from gyronorth.readers.archive import is_npz, is_workbook
+
     return not (is_npz(path) or is_workbook(path))
+
+
+def _split(path: Path) -> tuple[Path, str] | None:
+    """The archive and the file in it of a path ARCHIVE.zip/FILE."""
+    from gyronorth.readers.archive import split_path
+
+    return split_path(path)
 
 
 def recordings_inside(path: Path, *, others: bool = True) -> list[Path]:
@@ -263,6 +285,8 @@ def recordings_inside(path: Path, *, others: bool = True) -> list[Path]:
     try:
         if not path.is_file() or not _head(path).startswith(ZIP) or not _is_archive(path, ReadOptions()):
             return [path]
+        from gyronorth.readers.archive import members_of
+
         members = members_of(path, FORMATS.suffixes, others=others)
     except (InputError, OSError):
         return [path]
@@ -272,6 +296,8 @@ def recordings_inside(path: Path, *, others: bool = True) -> list[Path]:
 
 
 def _unzipped(path: Path, member: str | None, options: ReadOptions, depth: int, packed: int | None = None) -> Source:
+    from gyronorth.readers.archive import unzipped
+
     spooled, accel = unzipped(path, member)
     if accel is not None:
         source = _of_two(spooled.path, replace(options, accel_file=accel))
@@ -292,6 +318,8 @@ def recordings_in(folder: str | Path) -> list[Path]:
     InputError
         If it is no folder, or holds no recording.
     """
+    from gyronorth.readers.archive import inner_suffix
+
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder.")

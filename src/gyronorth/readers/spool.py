@@ -32,6 +32,8 @@ PACKED = {
     b"\xfd7zXZ\x00": (".xz", "unxz"),
     b"BZh": (".bz2", "bunzip2"),
 }
+#: How zip archives begin, which may hold several files (`archive`).
+ZIP = b"PK\x03\x04"
 #: Other suffixes of theirs.
 SUFFIXES = (".gz", ".gzip", ".zst", ".zstd", ".xz", ".bz2")
 

@@ -27,7 +27,6 @@ from gyronorth.readers.columns import Chosen, by_numbers, by_numbers_of_titles, 
 from gyronorth.readers.evidence import is_whole
 from gyronorth.readers.facts import SIGNATURE, read_facts
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.joining import joined
 from gyronorth.readers.kinds import first_unit, is_uneven, kinds_of, reject_kinds, rows_of
 from gyronorth.readers.layout import TextLayout, sniff
 from gyronorth.readers.options import ReadOptions, choose_columns
@@ -145,6 +144,8 @@ def _of_two_kinds(source: Source, only: tuple[int, str, str], layout: TextLayout
     """Rows of rates joined with the rows of forces between them, which have the same columns."""
     if not any(row[only[0]] == only[2] for row in layout.rows):
         return source
+    from gyronorth.readers.joining import joined
+
     forces = replace(rows, only=(only[0], only[2]))
     accel = replace(
         source,
@@ -157,6 +158,8 @@ def _of_two_kinds(source: Source, only: tuple[int, str, str], layout: TextLayout
 
 def _of_two_rates(source: Source, path: Path, layout: TextLayout, rows: Layout) -> Source:
     """Rows of which some hold rates and some forces, in columns of their own: each read alone, then joined."""
+    from gyronorth.readers.joining import joined
+
     time = tuple(name for name in source.columns if name == TIME)
 
     def of(ours: tuple[str, ...]) -> Source:

@@ -6,23 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
-from gyronorth.readers.arrays import COMPARED, first_rows
 from gyronorth.readers.budget import check_claim
-from gyronorth.readers.columns import Chosen, by_numbers_of_titles, by_titles, told, without_sign
 from gyronorth.readers.facts import KEYS, read_facts
 from gyronorth.readers.format import Format, format_info
-from gyronorth.readers.formats.csv import with_titles
-from gyronorth.readers.formats.tables import is_nested, table_source
-from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.library import check_whole, errors_translated, library
 from gyronorth.readers.options import OUR_TITLES, ReadOptions, choose_columns
-from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import (
     FORCES,
     NAMES,
@@ -36,8 +30,12 @@ from gyronorth.readers.source import (
     blocks_of,
     rows_block,
 )
-from gyronorth.readers.text_clock import FoundClock, find_clock
-from gyronorth.readers.titles import take_apart
+
+if TYPE_CHECKING:
+    from gyronorth.readers.columns import Chosen
+    from gyronorth.readers.layout import TextLayout
+    from gyronorth.readers.outgoing import RecordingStream
+    from gyronorth.readers.times import ClockColumns
 
 #: Rows per block that is read, and per row group that is written.
 BLOCK_ROWS, GROUP_ROWS = 1 << 14, 1 << 17
@@ -53,49 +51,48 @@ def open_parquet(path: Path, options: ReadOptions) -> Source:
         cut_off="a Parquet file ends in its index, which is missing. Write or copy it again.",
     )
     with _opened(path) as file:
-        schema, rows = file.schema_arrow, file.metadata.num_rows
+        schema = file.schema_arrow
         starts = np.cumsum([0] + [file.metadata.row_group(i).num_rows for i in range(file.metadata.num_row_groups)])
         stored = file.metadata.metadata or {}
         texts = {key: stored[key.encode()].decode("utf-8", "replace") for key in KEYS if key.encode() in stored}
-        if not texts and is_nested(schema, path.name):
-            claimed = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
-            check_claim(path.name, "its row groups", claimed, path.stat().st_size)
-            return table_source("parquet", path.name, file.read(use_threads=False), options)
+        if not texts:
+            from gyronorth.readers.formats.tables import is_nested, table_source
+
+            if is_nested(schema, path.name):
+                claimed = sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups))
+                check_claim(path.name, "its row groups", claimed, path.stat().st_size)
+                return table_source("parquet", path.name, file.read(use_threads=False), options)
     facts, ours = read_facts(texts, lambda key: f"Metadata {key} of {path.name}")
     titles = tuple(schema.names)
-    chosen, first = (Chosen(), None) if ours else _by_titles(path, schema, options)
-    wanted = dict(options.columns or {}) if ours else chosen.columns | dict(options.columns or {})
+    named = None if ours else _by_titles(path, schema, options)
+    wanted = ({} if named is None else named[0].columns) | dict(options.columns or {})
     found = choose_columns(list(titles), wanted, OUR_TITLES if ours else {}, path.name, needed=options.needed)
     columns = {name: found[name] for name in NAMES if name in found}
     units = {name: _unit(schema.field(position).type, name, path.name) for name, position in columns.items()}
     zero = _first_count(path, columns[TIME]) if units.get(TIME) is not None else 0
-    clock = _clock(columns, units, titles, first, options, facts)
-    facts = with_titles(facts, chosen, first, clock, path.name)
-    told_units = {"gyro": options.gyro_unit or facts.gyro_unit or "unit open",
-                  "accel": options.accel_unit or facts.accel_unit or "unit open"}  # fmt: skip
-    parts = clock.columns if clock is not None else None
-    if parts is None:
-        reading = partial(_batches, path, list(columns.values()), list(units.values()), zero)
-    else:
-        others = [position for name, position in columns.items() if name != TIME]
-        plain = partial(_batches, path, [*parts.positions, *others], [None] * (len(parts.positions) + len(others)), 0)
-        reading = partial(_put_together, plain, parts.factors)
+    reading = partial(_batches, path, list(columns.values()), list(units.values()), zero)
+    clock = Clock(unit=1.0, name=titles[columns[TIME]]) if TIME in columns else None
+    told: dict[str, Any] = {"stated": facts, "clock": clock, "ours": ours}
+    if named is not None:
+        typed = clock if units.get(TIME) is not None else None
+        told, parts = _told_by_titles(path.name, named, columns, titles, facts, typed, options)
+        reading = reading if parts is None else _put_together(path, columns, parts)
     return Source(
         format="parquet",
         name=path.name,
         columns=tuple(columns),
-        blocks=partial(_blocks, reading, rows),
-        stated=facts,
-        clock=None if clock is None else clock.clock,
-        ours=ours,
-        parts=Parts(rows, exact=True, block=BLOCK_ROWS, read=partial(_part, reading, starts)),
-        questions=(*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
-        read_as="" if ours else told(columns, titles, told_units, clock.told if clock else ""),
+        blocks=partial(_blocks, reading, int(starts[-1])),
+        parts=Parts(int(starts[-1]), exact=True, block=BLOCK_ROWS, read=partial(_part, reading, starts)),
+        **told,
     )
 
 
 def _by_titles(path: Path, schema: Any, options: ReadOptions) -> tuple[Chosen, TextLayout]:
     """The columns by the table of titles that texts have, and the first rows."""
+    from gyronorth.readers.arrays import COMPARED, first_rows
+    from gyronorth.readers.columns import by_numbers_of_titles, by_titles, without_sign
+    from gyronorth.readers.titles import take_apart
+
     with _opened(path) as file:
         batch = next(file.iter_batches(batch_size=COMPARED), None)
         values = [
@@ -113,22 +110,40 @@ def _by_titles(path: Path, schema: Any, options: ReadOptions) -> tuple[Chosen, T
     return (by_numbers_of_titles(first, options, path.name) or chosen) if open_ else chosen, first
 
 
-def _clock(
+def _told_by_titles(
+    name: str,
+    named: tuple[Chosen, TextLayout],
     columns: dict[str, int],
-    units: dict[str, float | None],
     titles: tuple[str, ...],
-    first: TextLayout | None,
-    options: ReadOptions,
     facts: Facts,
-) -> FoundClock | None:
-    """The clock: seconds where the type of the column says so or the file is ours, else by title and steps."""
-    if TIME not in columns:
-        return None
-    position = columns[TIME]
-    if first is None or units[TIME] is not None:
-        return FoundClock(Clock(unit=1.0, name=titles[position]), None, position, f"{titles[position]} (by its type)")
-    known = options.rate_hz or facts.rate_hz
-    return find_clock(first, [take_apart(title) for title in titles], position, options.time_unit, known)
+    typed: Clock | None,
+    options: ReadOptions,
+) -> tuple[dict[str, Any], ClockColumns | None]:
+    """What titles and steps say of the recording, and of which columns its time consists; None for one column.
+
+    `typed` is the clock where the type of its column says that it holds times.
+    """
+    from gyronorth.readers.columns import told
+    from gyronorth.readers.formats.csv import with_titles
+    from gyronorth.readers.text_clock import FoundClock, find_clock
+    from gyronorth.readers.titles import take_apart
+
+    (chosen, first), clock = named, None
+    if typed is not None:
+        clock = FoundClock(typed, None, columns[TIME], f"{typed.name} (by its type)")
+    elif TIME in columns:
+        parts = [take_apart(title) for title in titles]
+        clock = find_clock(first, parts, columns[TIME], options.time_unit, options.rate_hz or facts.rate_hz)
+    facts = with_titles(facts, chosen, first, clock, name)
+    units = {"gyro": options.gyro_unit or facts.gyro_unit or "unit open",
+             "accel": options.accel_unit or facts.accel_unit or "unit open"}  # fmt: skip
+    found = {
+        "stated": facts,
+        "clock": None if clock is None else clock.clock,
+        "questions": (*chosen.questions, *([clock.question] if clock is not None and clock.question else [])),
+        "read_as": told(columns, titles, units, clock.told if clock else ""),
+    }
+    return found, None if clock is None else clock.columns
 
 
 def write_parquet(outgoing: RecordingStream, path: Path) -> None:
@@ -210,12 +225,17 @@ def _batches(
             yield np.stack(columns, axis=1)
 
 
-def _put_together(
+def _put_together(path: Path, columns: dict[str, int], parts: ClockColumns) -> partial[Iterator[NDArray[np.float64]]]:
+    """Reads numbers whose first columns are one time: seconds and nanoseconds, week and seconds of it."""
+    positions = [*parts.positions, *(position for name, position in columns.items() if name != TIME)]
+    return partial(_summed, partial(_batches, path, positions, [None] * len(positions), 0), parts.factors)
+
+
+def _summed(
     reading: Callable[[list[int] | None], Iterator[NDArray[np.float64]]],
     factors: tuple[float, ...],
     groups: list[int] | None,
 ) -> Iterator[NDArray[np.float64]]:
-    """Numbers whose first columns are one time: seconds and nanoseconds, week and seconds of it."""
     count = len(factors)
     for values in reading(groups):
         yield np.column_stack([values[:, :count] @ np.array(factors), values[:, count:]])
@@ -226,7 +246,9 @@ def _numbers(column: Any, unit: float | None, zero: int) -> NDArray[np.float64]:
 
     By DLPack: `to_numpy` of the library loads pandas where that is installed, half a second.
     """
-    stored = column.cast("float64" if unit is None else "int64", safe=False)
+    wanted = "double" if unit is None else "int64"
+    # A cast, even one to the same type, loads the compute functions of the library: as long as all else of it.
+    stored = column if str(column.type) == wanted else column.cast(wanted, safe=False)
     counts: NDArray[Any] = np.from_dlpack(stored.fill_null(0) if column.null_count else stored)
     numbers = counts if unit is None else (counts - zero) * unit
     if column.null_count == 0:
