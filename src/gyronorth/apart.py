@@ -19,10 +19,10 @@ import warnings
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 
 if TYPE_CHECKING:
     import socket
@@ -32,7 +32,7 @@ Service = Callable[[Any], Any]
 _LENGTH = struct.Struct("<Q")
 
 
-@dataclass(frozen=True)
+@frozen
 class Limits:
     """What a child process may use."""
 

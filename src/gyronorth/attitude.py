@@ -19,7 +19,6 @@ variance of e_N.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from gyronorth.angles import wrap
 from gyronorth.arrays import Array
+from gyronorth.frozen import frozen
 
 #: Cosine of a rotation below which its axis is read from the symmetric part of its matrix.
 HALF_TURN = -0.9
@@ -230,7 +230,7 @@ _ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
 _FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-@dataclass(frozen=True)
+@frozen
 class Orientation:
     """An attitude and how well it is known."""
 

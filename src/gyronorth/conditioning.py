@@ -7,7 +7,7 @@ about its mean attitude, and sway.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from math import erfc, exp, lgamma, log, log1p, sqrt
 
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from gyronorth.arrays import Array, mean_of_rows
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.recording import Gap, Recording
 
 #: Two-sided 99.9 % point of the normal law: the confidence of every gate.
@@ -146,7 +147,7 @@ def block_means(x: Array, size: int) -> Array:
     return mean_of_rows(x[..., : count * size, :].reshape(*x.shape[:-2], count, size, x.shape[-1]))
 
 
-@dataclass(frozen=True)
+@frozen
 class MeasuredNoise:
     """White noise that a recording shows of itself (arrays over recordings)."""
 
@@ -242,7 +243,7 @@ def incomplete_beta(a: float, b: float, x: float) -> float:
     return front * fraction
 
 
-@dataclass(frozen=True)
+@frozen
 class Sway:
     """How the attitude moved about a straight line in time (arrays over recordings)."""
 

@@ -14,6 +14,7 @@ from gyronorth.arrays import Array
 from gyronorth.attitude import Orientation, orientation
 from gyronorth.errors import InputError
 from gyronorth.findings import Check, Finding
+from gyronorth.frozen import frozen
 from gyronorth.given import number
 
 #: aligning: more time helps. degraded: a heading, less certain than required. invalid: it must not be used.
@@ -24,7 +25,7 @@ ALIGNING = frozenset({"too_short", "too_noisy"})
 PARTS = ("noise", "drift", "turn_on_bias", "levelling")
 
 
-@dataclass(frozen=True)
+@frozen
 class Pose:
     """A stretch of standing still."""
 
@@ -35,7 +36,7 @@ class Pose:
     residual_sigma: float | None = None  # of one axis of it, rad/s
 
 
-@dataclass(frozen=True)
+@frozen
 class Turn:
     """A rotation between two poses."""
 
@@ -44,7 +45,7 @@ class Turn:
     angle: float  # rad, as the gyro measured it
 
 
-@dataclass(frozen=True)
+@frozen
 class SensorErrors:
     """Errors of the gyro that a method estimated from the recording itself, each with one standard deviation."""
 
@@ -54,7 +55,7 @@ class SensorErrors:
     scale_factor_sigma: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@frozen
 class DisturbanceFound:
     """What a method that models disturbance (bayes, learned) found in a recording."""
 
@@ -85,7 +86,7 @@ class DisturbanceFound:
         }
 
 
-@dataclass(frozen=True)
+@frozen
 class HeadingDensity:
     """What is believed of the heading, as a density: the method `posterior` gives one."""
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gyronorth.errors import InputError as InputError
 from gyronorth.findings import Finding
+from gyronorth.frozen import frozen
 from gyronorth.given import checked_latitude, number, numbers, of_kind
 
 #: The former name of `gyronorth.findings.Finding` where a reader remarks on a file.
@@ -31,7 +32,7 @@ LARGEST_SAMPLE = 1e9
 AxesOrigin = Literal["stated", "declared", "format", "assumed"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Gap:
     """Samples that were missing and have been bridged by a straight line."""
 

@@ -6,7 +6,6 @@ Limits scale with the claimed uncertainty. Each is explained in docs/theory/unce
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from gyronorth.arrays import Array, Mask
 from gyronorth.conditioning import GATE_SIGMA
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.findings import Finding
+from gyronorth.frozen import frozen
 
 if TYPE_CHECKING:
     from gyronorth.sensor import Sensor
@@ -33,7 +33,7 @@ LARGEST_ROLL_ERROR = 0.1
 SATURATION_SHARE = 0.999
 
 
-@dataclass(frozen=True)
+@frozen
 class Shown:
     """How a gate reads in the list of checks; symbols are those of docs/theory/uncertainty.md, section "Validity"."""
 
@@ -42,7 +42,7 @@ class Shown:
     formula: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Gate:
     """A gate over a batch: it fails where value > limit; arrays over its recordings, or one number for all."""
 

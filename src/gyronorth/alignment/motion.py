@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gyronorth.arrays import Array, Mask
 from gyronorth.conditioning import GATE_SIGMA, Sway, noise_density, sway
 from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.frozen import frozen
 from gyronorth.sensor import Sensor, TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 from gyronorth.uncertainty import rate_variance
@@ -17,7 +16,7 @@ from gyronorth.uncertainty import rate_variance
 RATE_FLOOR = 1e-12
 
 
-@dataclass(frozen=True)
+@frozen
 class MotionStatistics:
     """What a batch shows of motion and noise, arrays over recordings."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
@@ -22,6 +21,7 @@ from gyronorth.alignment.result import Result, together, unknown
 from gyronorth.arrays import Mask
 from gyronorth.catalogue import MethodInfo
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.given import number
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ LENGTH_SLACK = 1.0
 ENTRY_POINTS = "gyronorth.methods"
 
 
-@dataclass(frozen=True)
+@frozen
 class Options:
     """What a user asks of a method, beside the problem."""
 

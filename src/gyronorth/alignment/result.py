@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike
 from gyronorth.arrays import Array, Mask, stacked
 from gyronorth.estimate import DisturbanceFound, HeadingDensity, Pose, SensorErrors, Turn
 from gyronorth.findings import Finding
+from gyronorth.frozen import frozen
 from gyronorth.uncertainty import SIGMA_UNKNOWN
 
 
-@dataclass(frozen=True)
+@frozen
 class Attitude:
     """The attitude of a unit and the Earth rate it senses there."""
 
@@ -25,7 +26,7 @@ class Attitude:
     measured_variance: Array | None = None  # (...,) of a horizontal rate component from the residuals, (rad/s)^2
 
 
-@dataclass(frozen=True)
+@frozen
 class Posterior:
     """What is believed of the heading: the interval stays as the method found it, skewed or not."""
 
@@ -55,7 +56,7 @@ class Posterior:
         return np.asarray(self.half_width >= np.pi)
 
 
-@dataclass(frozen=True)
+@frozen
 class Judged:
     """What the gates of the rate and of motion hold against the Earth, where a method lets them."""
 
@@ -65,7 +66,7 @@ class Judged:
     turn_limit: Array  # (...,) largest rotation about the mean attitude that the method allows for, rad
 
 
-@dataclass(frozen=True)
+@frozen
 class Result:
     """What one method found of a problem; every array has the problem's leading dimensions."""
 

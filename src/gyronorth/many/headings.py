@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import partial
 from math import degrees
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gyronorth.errors import InputError, is_of_memory
+from gyronorth.frozen import frozen
 from gyronorth.given import checked_path, numbers, of_kind
 from gyronorth.report.tables import Outcome
 from gyronorth.sources.listing import Item, recordings
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 _ANGLES = ("latitude", "boresight", "attitude", "turn_angles", "turn_angle_sigma", "require_sigma")
 
 
-@dataclass(frozen=True)
+@frozen
 class Request:
     """What is asked of every recording; SI units and radians."""
 
@@ -87,7 +88,7 @@ class Request:
         return json.dumps({name: found[name] for name in sorted(found)})
 
 
-@dataclass(frozen=True)
+@frozen
 class HeadingTask:
     """The heading of each recording, or of each of its windows."""
 
@@ -112,7 +113,7 @@ class HeadingTask:
         return self.request.settings(**({} if self.windows is None else {"windows_s": self.windows}))
 
 
-@dataclass(frozen=True)
+@frozen
 class Work:
     """What a worker does with each recording."""
 

@@ -8,12 +8,11 @@ stamps that come late for longer than that look like a loss until they catch up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.arrays import median
+from gyronorth.frozen import frozen
 from gyronorth.readers.ticks import of_ticks
 
 #: Intervals from one stamp to the next beyond which it is absurd: no recording has so many samples.
@@ -54,7 +53,7 @@ ON_TICK, ALIKE_ROWS, BEYOND = 0.02, 0.8, 0.004
 FLAT, UNSTEADY = 1.0, 3.5
 
 
-@dataclass(frozen=True)
+@frozen
 class Settled:
     """What is known of the first `len(lost)` rows that had not been settled before."""
 
@@ -215,7 +214,7 @@ def measure(step: NDArray[np.float64], *, unit: float | None) -> float | None:
     return best.interval if best.spread <= UNSTEADY else np.nan
 
 
-@dataclass(frozen=True)
+@frozen
 class _Fit:
     """How well an interval fits."""
 

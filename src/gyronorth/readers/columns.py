@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.readers.asking import columns_text
 from gyronorth.readers.axes import mat_bf
 from gyronorth.readers.evidence import accel_fits, gyro_fits
@@ -27,7 +28,7 @@ FEWEST_STEPS = 20
 _WORDS = {"gyro": "angular rate", "accel": "specific force"}
 
 
-@dataclass(frozen=True)
+@frozen
 class Chosen:
     """What was found: our name -> title or position, as `options.columns` has it."""
 

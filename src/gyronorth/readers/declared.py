@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.readers.asking import OpenQuestion, ask
 from gyronorth.readers.axes import convention, mat_bf, mat_vb
 from gyronorth.readers.evidence import Fit, accel_fits, earth_words, gyro_fits, is_whole, norm_of_parts
@@ -26,7 +27,7 @@ SHORTEST_STEP = 1e-9
 MOST_GRAVITY = 100.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Declared:
     """Everything that turns the numbers of a file into SI and body axes."""
 

@@ -7,14 +7,13 @@ Proposals only: whoever reads the file declares them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.arrays import median, robust_noise
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
+from gyronorth.frozen import frozen
 from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
 
 #: The norm of a mean that is gravity, or Earth rate, within these shares.
@@ -31,7 +30,7 @@ KEPT_ONE_OF = (2, 3, 4, 5, 8, 10)
 COUNTS_PER_G = tuple(float(1 << power) for power in range(8, 16))
 
 
-@dataclass(frozen=True)
+@frozen
 class Fit:
     """A unit that fits, and what the numbers are in it."""
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from gyronorth.catalogue import FORMATS, FormatInfo
+from gyronorth.frozen import frozen
 from gyronorth.readers.options import ReadOptions
 from gyronorth.readers.outgoing import RecordingStream
 from gyronorth.readers.source import Source
@@ -15,7 +15,7 @@ from gyronorth.readers.source import Source
 LOOK = 1 << 16
 
 
-@dataclass(frozen=True)
+@frozen
 class Format:
     """One format of recordings."""
 

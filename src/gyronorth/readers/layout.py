@@ -10,10 +10,11 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.readers import labview
 from gyronorth.readers.fields import is_number, split
 from gyronorth.readers.header import COMMENT_MARKS, DELIMITERS, FEWEST, titles_above, units_stated
@@ -42,7 +43,7 @@ _RATE = re.compile(
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class TextLayout:
     """How a text file is laid out; rows and fields count from 0 here."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.readers.axes import in_axes, mat_bf
 from gyronorth.readers.facts import write_facts
 from gyronorth.readers.source import Facts
@@ -20,7 +20,7 @@ BLOCK_ROWS = 1 << 14
 TOLD_ANEW = ("axes_assumed", "axes_suspect", "gaps", "gaps_bridged", "rows_dropped")
 
 
-@dataclass(frozen=True)
+@frozen
 class SampleRows:
     """Consecutive samples, SI and body axes; those of the source where they are assumed."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gyronorth import catalogue
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.given import checked_path, of_kind
 from gyronorth.readers.asking import OpenQuestion, ask, declared_options, in_pairs
 from gyronorth.readers.declared import forgotten_accelerometer, in_place_of, resolve
@@ -32,7 +33,7 @@ Progress = Callable[[float], None]
 CHUNK_SAMPLES = 1 << 16
 
 
-@dataclass(frozen=True)
+@frozen
 class RecordingInfo:
     """What is known of a file before its samples are read."""
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.frozen import frozen
 from gyronorth.recording import Gap, Note
 
 #: The columns of a recording by our names: time, angular rate, specific force.
@@ -19,7 +19,7 @@ NAMES = (TIME, *RATES, *FORCES)
 FLAGS = ("saturated", "sensor_fault")
 
 
-@dataclass(frozen=True)
+@frozen
 class Facts:
     """What is known of a file: stated in it, or usual for its format. Angles in rad."""
 
@@ -41,7 +41,7 @@ class Facts:
     warnings: tuple[tuple[str, float | None], ...] = ()  # code and value of what was said of it before it was written
 
 
-@dataclass(frozen=True)
+@frozen
 class Bad:
     """Rows that cannot be used: their numbers, and the reasons of the first few."""
 
@@ -58,7 +58,7 @@ class Bad:
 DESCRIBED = 5
 
 
-@dataclass(frozen=True)
+@frozen
 class Block:
     """Consecutive rows of a file."""
 
@@ -70,7 +70,7 @@ class Block:
     cut_off: bool = False  # the file of a live recording ends in the middle of a line, which is left out
 
 
-@dataclass(frozen=True)
+@frozen
 class Clock:
     """How the column `t` counts time."""
 
@@ -82,7 +82,7 @@ class Clock:
     step: float | None = None  # from sample to sample, where what counts them gives it; None: to be measured
 
 
-@dataclass(frozen=True)
+@frozen
 class Parts:
     """A file that can be looked into without reading all of it."""
 
@@ -92,7 +92,7 @@ class Parts:
     read: Callable[[float], Block]  # the rows at a share of the file, 0: the first ones, 1: the last ones
 
 
-@dataclass(frozen=True)
+@frozen
 class Question:
     """Something that a file leaves open: what is seen of it, and the options that would settle it."""
 
@@ -101,7 +101,7 @@ class Question:
     certain: bool = True  # whether physics tells so; else they are the likeliest
 
 
-@dataclass(frozen=True)
+@frozen
 class Source:
     """An opened recording, before any check of its values."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import compress
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.readers.source import DESCRIBED, Bad, Block, Parts
 from gyronorth.readers.text_arrow import arrow_columns, is_worthwhile, load_for
 from gyronorth.readers.text_head import LONGEST_LINE
@@ -32,7 +33,7 @@ PLACE_BYTES, COUNTED = 1 << 18, 32
 QUOTED_COMMA = re.compile(rb'"([^",\n]*),([^",\n]*)"')
 
 
-@dataclass(frozen=True)
+@frozen
 class Layout:
     """How a row is laid out."""
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from calendar import isleap
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.arrays import median
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.readers.layout import TextLayout
 from gyronorth.readers.options import TIME_UNITS
 from gyronorth.readers.source import Clock, Question
@@ -43,7 +43,7 @@ PARTS_OF_A_SECOND = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _PLAIN_TIMES = (("time",), ("t",), ("timestamp",), SAMPLE_TIME_FINE)
 
 
-@dataclass(frozen=True)
+@frozen
 class FoundClock:
     """The time of a text file."""
 

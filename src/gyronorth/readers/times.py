@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from datetime import date
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gyronorth.frozen import frozen
 
 DAY = 86400.0
 #: Week of GPS time, s.
@@ -40,7 +41,7 @@ _FORMS = {
 }
 
 
-@dataclass(frozen=True)
+@frozen
 class TimeText:
     """How a column of texts tells the time."""
 
@@ -99,7 +100,7 @@ class TimeText:
             return None
 
 
-@dataclass(frozen=True)
+@frozen
 class ClockColumns:
     """A time that is made of several fields, or written as a date or a time of day."""
 

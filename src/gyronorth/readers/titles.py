@@ -10,9 +10,10 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
+from gyronorth.frozen import frozen
 from gyronorth.readers import labview
 from gyronorth.readers.spellings import (
     ACCEL_SPELLINGS,
@@ -109,7 +110,7 @@ _LOOKALIKES = (("[Хх]", "X"), ("[Уу]", "Y"))
 _STEMS = frozenset(word for group in (*GYRO_WORDS, *ACCEL_WORDS, *ANGLE_WORDS, *VELOCITY_WORDS) for word in group)
 
 
-@dataclass(frozen=True)
+@frozen
 class Title:
     """A title taken apart."""
 
@@ -124,7 +125,7 @@ class Title:
     strange: str = ""  # what stands in the place of its unit, looks like one and is not known
 
 
-@dataclass(frozen=True)
+@frozen
 class Triple:
     """Three columns of one sensor."""
 

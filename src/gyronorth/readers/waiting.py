@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from gyronorth.frozen import frozen
 
-@dataclass(frozen=True)
+
+@frozen
 class WaitingRows:
     """Rows in order of time whose places on the grid are not settled, and the bad ones among them."""
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+
+from gyronorth.frozen import frozen
 
 if TYPE_CHECKING:
     from gyronorth.estimate import HeadingEstimate
@@ -34,7 +36,7 @@ COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Outcome:
     """Result of one file: an estimate, or the message that says why there is none."""
 

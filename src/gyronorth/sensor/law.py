@@ -5,18 +5,18 @@ Samples are means over their intervals throughout.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gyronorth.arrays import Array
+from gyronorth.frozen import frozen
 from gyronorth.sensor.gauss_markov import Weighting
 from gyronorth.sensor.terms import TERMS, ProcessLaw, TriadErrors
 
 
-@dataclass(frozen=True)
+@frozen
 class NoiseLaw:
     """What the stochastic terms of one axis of a triad do, in its unit u (rad/s or m/s^2). Without turn-on bias."""
 

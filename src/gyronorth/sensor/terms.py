@@ -28,7 +28,6 @@ Samples are means over their intervals throughout.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import hypot
 from typing import Literal
 
@@ -38,6 +37,7 @@ from numpy.typing import NDArray
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
 from gyronorth.arrays import Array
 from gyronorth.earth import STANDARD_GRAVITY
+from gyronorth.frozen import frozen
 from gyronorth.sensor.gauss_markov import Weighting, gauss_markov_allan_variance, gauss_markov_variance
 
 #: Shortest time constant of the in-run bias, s: below it white noise hides flicker.
@@ -47,7 +47,7 @@ FLICKER_SHORTEST = 0.1
 FLICKER_SPACING = float(np.log(10) / 2)
 
 
-@dataclass(frozen=True)
+@frozen
 class TriadErrors:
     """Error terms of three orthogonal axes, each one standard deviation, SI.
 
@@ -99,7 +99,7 @@ Part = Literal["noise", "drift"]
 MILLI_G = 1e-3 * STANDARD_GRAVITY
 
 
-@dataclass(frozen=True)
+@frozen
 class TermUnit:
     """How a term is called and written for one kind of triad."""
 
@@ -109,7 +109,7 @@ class TermUnit:
     one: float  # one unit in SI
 
 
-@dataclass(frozen=True)
+@frozen
 class Term:
     """One stochastic error term; every function gives what a triad's coefficient makes, in squares of its unit u."""
 
@@ -132,7 +132,7 @@ class Term:
     sampled: float = 0.0  # relative error of the Allan variance at one sample where samples are no interval means
 
 
-@dataclass(frozen=True)
+@frozen
 class ProcessLaw:
     """The random processes of one axis, in the unit u of its triad, as `gyronorth.sensor.drawing` draws them."""
 

@@ -7,15 +7,15 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from gyronorth.errors import InputError
+from gyronorth.frozen import frozen
 from gyronorth.sources.remote import is_local, is_url, local_path, urls_of
 from gyronorth.sources.tables import is_table
 
 
-@dataclass(frozen=True)
+@frozen
 class Item:
     """A recording of many."""
 

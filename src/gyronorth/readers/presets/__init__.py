@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from gyronorth.errors import InputError, did_you_mean
 from gyronorth.files import read_bounded
+from gyronorth.frozen import frozen
 from gyronorth.readers.options import ReadOptions
 
 #: Bytes of a preset.
@@ -24,7 +25,7 @@ DECLARES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@frozen
 class Preset:
     """How the files of one program are read."""
 
