@@ -105,8 +105,7 @@ def decimated_chunks(chunks: Iterable[Recording], to_hz: float) -> Iterator[Reco
     """
     begin = done = dropped = 0  # samples before `held`; samples returned; rows dropped that no chunk returned tells of
     held: Array | None = None
-    gaps: list[Gap] = []
-    end, rate_hz = 0, 1.0
+    gaps, end, rate_hz = list[Gap](), 0, 1.0
     for chunk in chunks:
         rate_hz = chunk.rate_hz
         _check_decimation(rate_hz, to_hz)

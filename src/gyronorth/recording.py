@@ -254,7 +254,11 @@ def _checked_samples(name: str, value: ArrayLike) -> NDArray[np.float64]:
     samples = numbers(name, value, "(n, 3)")
     if samples.ndim != 2 or samples.shape[1] != 3 or len(samples) == 0:
         raise InputError(f"{name} has shape {samples.shape}; (n, 3) with n > 0 is expected.")
-    if samples.min() >= -LARGEST_SAMPLE and samples.max() <= LARGEST_SAMPLE:  # which takes no memory; not of NaN
+    # None is larger than the root of the sum of squares, which takes no memory and half the time of the extremes.
+    with np.errstate(over="ignore"):
+        if np.einsum("tk,tk->", samples, samples) <= LARGEST_SAMPLE**2:  # not of NaN
+            return samples
+    if samples.min() >= -LARGEST_SAMPLE and samples.max() <= LARGEST_SAMPLE:
         return samples
     if not np.isfinite(samples).all():
         row = int(np.flatnonzero(~np.isfinite(samples).all(axis=1))[0])

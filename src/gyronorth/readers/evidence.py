@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
-from gyronorth.arrays import median, robust_noise
+from gyronorth.arrays import mean_of_rows, median, robust_noise
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.frozen import frozen
 from gyronorth.readers.options import ACCEL_PROPOSED, ACCEL_UNITS, GYRO_PROPOSED, GYRO_UNITS
@@ -108,7 +108,7 @@ def earth_words(size: float) -> str:
 def _parts(values: NDArray[np.float64], most: int = PARTS) -> NDArray[np.float64]:
     parts = max(1, min(most, len(values)))
     size = max(1, len(values) // parts)
-    return values[: parts * size].reshape(parts, size, 3).mean(axis=1)
+    return mean_of_rows(values[: parts * size].reshape(parts, size, 3))
 
 
 def robust_mean(values: NDArray[np.float64], most: int = PARTS) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gyronorth.angles import DEG_PER_HOUR, DEG_PER_SQRT_HOUR
+from gyronorth.arrays import mean_of_rows
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.readers.axes import about_vertical, convention, mat_bf
@@ -140,7 +141,7 @@ def check_flags(flagged: NDArray[np.int64], samples: int, *, name: str) -> tuple
 def _moves(gyro: NDArray[np.float64]) -> float | None:
     """By how much the mean rates of parts differ, in the unit of `gyro`, if far more than any noise lets them."""
     parts = min(PARTS, len(gyro))
-    means = gyro[: parts * (len(gyro) // parts)].reshape(parts, -1, 3).mean(axis=1)
+    means = mean_of_rows(gyro[: parts * (len(gyro) // parts)].reshape(parts, -1, 3))
     spread = float(np.ptp(means, axis=0).max())
     scatter = sample_noise(gyro)
     return spread if parts == PARTS and scatter > 0 and spread > MOVING * scatter else None

@@ -370,8 +370,7 @@ def options_of(options: ReadOptions | None, declared: dict[str, Any]) -> ReadOpt
 
 def _rechunked(reading: Reading, chunk_samples: int) -> Iterator[NDArray[np.float64]]:
     """Samples in pieces of `chunk_samples`; bad rows are complained of as they come."""
-    held: list[NDArray[np.float64]] = []
-    count = 0
+    held, count = list[NDArray[np.float64]](), 0
     for samples in reading.samples():
         reading.grid.raise_bad()
         held.append(samples)
