@@ -1,9 +1,8 @@
 """Run all benchmarks, or those named: `python -m benchmarks [generation allan ...] [--rounds N] [--json FILE]`.
 
 `python -m benchmarks league` compares errors and claims, not times; `samples` shows cost and memory against length,
-`page` writes docs/results/performance.md from what was written with `--json`.
-One thread, CPU time, candidates interleaved;
-exit code 1 if a promised ratio was missed.
+`stages` where the time of `heading` goes; `page` writes docs/results/performance.md from what was written with
+`--json`. One thread, CPU time, candidates interleaved; exit code 1 if a promised ratio was missed.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from pathlib import Path
 from benchmarks.comparison import Result, run
 
 #: Modules of this folder that compare nothing.
-OTHERS = ("__main__", "comparison", "league", "live_soak", "page", "samples")
+OTHERS = ("__main__", "comparison", "league", "live_soak", "page", "samples", "stages")
 
 
 def main() -> int:
     """Run, print, and tell whether every promise was kept."""
-    if sys.argv[1:2] in (["league"], ["page"], ["samples"]):
+    if sys.argv[1:2] in (["league"], ["page"], ["samples"], ["stages"]):
         return importlib.import_module(f"benchmarks.{sys.argv[1]}").main(sys.argv[2:])
     package = Path(__file__).parent
     found = [m.name for m in pkgutil.iter_modules([str(package)]) if m.name not in OTHERS]

@@ -38,8 +38,8 @@ def comparisons() -> Iterator[Comparison]:
     command = [sys.executable, "-m", "gyronorth.cli", "heading"]
     with tempfile.TemporaryDirectory() as folder:
         for suffix in ("csv", "parquet"):
-            path = _written(Path(folder, f"long.{suffix}"), LONG)
-            of = [str(path), *([str(_comments(path))] if suffix == "csv" else [])]
+            path = written(Path(folder, f"long.{suffix}"), LONG)
+            of = [str(path), *([str(comments_of(path))] if suffix == "csv" else [])]
             loads, alone = ([sys.executable, "-c", code, *of] for code in (LOADS, WITHOUT_PANDAS + LOADS))
             yield Comparison(
                 f"heading of {LONG * RATE_HZ:.0f} rows of {suffix}, six axes, the whole process",
@@ -52,7 +52,7 @@ def comparisons() -> Iterator[Comparison]:
                 targets={"pyarrow and means": 1 / READING},
             )
         for suffix in ("csv", "parquet"):
-            path = _written(Path(folder, f"short.{suffix}"), SHORT)
+            path = written(Path(folder, f"short.{suffix}"), SHORT)
             yield Comparison(
                 f"heading of {SHORT * RATE_HZ:.0f} rows of {suffix}, six axes, the whole process",
                 ours="gyronorth heading",
@@ -64,14 +64,16 @@ def comparisons() -> Iterator[Comparison]:
             )
 
 
-def _written(path: Path, duration: float) -> Path:
+def written(path: Path, duration: float) -> Path:
+    """A simulated recording of so many seconds, in the file."""
     rng = np.random.default_rng(SEED)
     place = {"latitude": radians(32.11), "heading": radians(40)}
     write(simulate("sdc500", duration=duration, rate_hz=RATE_HZ, rng=rng, **place), path)
     return path
 
 
-def _comments(path: Path) -> int:
+def comments_of(path: Path) -> int:
+    """Lines of comments above the titles of a CSV."""
     with path.open() as file:
         return next(number for number, line in enumerate(file) if not line.startswith("#"))
 

@@ -20,7 +20,7 @@ PAGES = Path(__file__).parents[1] / "docs/results"
 DATA = PAGES / "performance"
 WRITTEN = "<!-- Written by `python -m benchmarks page` from docs/results/performance; do not edit. -->"
 #: What in the introduction is replaced by the tables.
-RATIOS, SAMPLES = "{{ratios}}", "{{samples}}"
+RATIOS, SAMPLES, STAGES = "{{ratios}}", "{{samples}}", "{{stages}}"
 
 
 def main(arguments: list[str]) -> int:
@@ -39,9 +39,12 @@ def main(arguments: list[str]) -> int:
 def page() -> str:
     """The page as Markdown."""
     intro = (PAGES / "performance.intro.md").read_text(encoding="utf-8").strip()
-    named = sorted(path.stem for path in DATA.glob("*.json") if path.stem != "samples")
+    named = sorted(path.stem for path in DATA.glob("*.json") if path.stem not in ("samples", "stages"))
     comparisons = [each for name in named for each in _read(name)]
-    return f"{WRITTEN}\n\n{intro}\n".replace(RATIOS, ratios(comparisons)).replace(SAMPLES, samples(_read("samples")))
+    tables = {RATIOS: ratios(comparisons), SAMPLES: samples(_read("samples")), STAGES: stages(_read("stages"))}
+    for place, table in tables.items():
+        intro = intro.replace(place, table)
+    return f"{WRITTEN}\n\n{intro}\n"
 
 
 def ratios(comparisons: list[dict[str, Any]]) -> str:
@@ -76,6 +79,18 @@ def samples(found: list[dict[str, Any]]) -> str:
             f"| {ours['peak_mb']:.0f} | {loads['peak_mb']:.0f} | {each['arrays_mb']:.1f} |"
         )
     return "\n".join(rows)
+
+
+def stages(found: list[dict[str, Any]]) -> str:
+    """CPU seconds of each stage of `heading`, and of the script that only loads the file, for each format."""
+    names = list(dict.fromkeys(name for each in found for name in each["cpu_s"]))
+    heads = [f"{each['format']}, {each['program']}" for each in found]
+    rows = [f"| stage, CPU-s | {' | '.join(heads)} |", f"|---|{'---|' * len(found)}"]
+    for name in names:
+        times = [each["cpu_s"].get(name) for each in found]
+        rows.append(f"| {name} | {' | '.join('' if time is None else f'{time:.2f}' for time in times)} |")
+    totals = (sum(each["cpu_s"].values()) for each in found)
+    return "\n".join([*rows, f"| together | {' | '.join(f'{total:.2f}' for total in totals)} |"])
 
 
 def _read(name: str) -> Any:

@@ -10,7 +10,7 @@ import weakref
 import numpy as np
 import pytest
 
-from gyronorth.apart import Apart, Limits
+from gyronorth.apart import SHARED, Apart, Limits
 from gyronorth.errors import InputError, is_of_memory
 
 WIDE = Limits(seconds=20, memory=1 << 28)
@@ -27,6 +27,15 @@ def test_an_answer_is_what_the_service_returns_arrays_too():
     np.testing.assert_array_equal(answer["sum"], x.sum(axis=0))
     np.testing.assert_array_equal(answer["x"], x)
     answer["x"][0] = 1  # it can be written to
+
+
+@pytest.mark.parametrize("size", [0, 1, SHARED // 8, SHARED // 8 + 1])
+def test_an_answer_stays_when_the_next_one_comes_however_long_they_are(size):
+    child = serving(lambda value: [np.full(size, value), np.array([value]), np.full((2, 3), -value)])
+    first, second = child.ask(1.0), child.ask(2.0)
+    for value, answer in ((1.0, first), (2.0, second)):
+        for array, expected in zip(answer, (np.full(size, value), [value], np.full((2, 3), -value)), strict=True):
+            np.testing.assert_array_equal(array, expected)
 
 
 def test_where_memory_is_short_any_error_is_one_of_memory():

@@ -8,12 +8,12 @@ that a model without it has, which is zero).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from gyronorth.arrays import Array, Index
+from gyronorth.frozen import frozen
 
 
 @lru_cache(maxsize=64)
@@ -23,7 +23,7 @@ def tones_of(count: int) -> tuple[Index, Index]:
     return np.concatenate([[-1], np.arange(count), i]), np.concatenate([np.full(1 + count, -1), j])
 
 
-@dataclass(frozen=True)
+@frozen
 class Models:
     """Where the models of several recordings find their tones in flat arrays."""
 
@@ -65,7 +65,7 @@ class Models:
         return kinds.reshape(len(kinds), -1).take(3 * self.owner + number, axis=1) + total
 
 
-@dataclass(frozen=True)
+@frozen
 class Tones:
     """Cosine and sine of each tone made orthonormal, and those of the second tone of a model to the first.
 
@@ -129,7 +129,7 @@ class Tones:
         return Explained(self.models, (q0, q1), (k0, k1))
 
 
-@dataclass(frozen=True)
+@frozen
 class Explained:
     """Products of columns with the orthonormal ones of the tones."""
 

@@ -12,7 +12,6 @@ profile says: that is what is left when nothing else explains a slow change.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -23,6 +22,7 @@ from gyronorth.alignment.tones.search import FREQUENCIES, SETTLING_RATE, SPACING
 from gyronorth.alignment.tones.unexplained import STILL, BoundedMotion
 from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Mask
+from gyronorth.frozen import frozen
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
@@ -78,7 +78,7 @@ def network_axes(samples: int, rate_hz: float) -> tuple[NDArray[np.float32], NDA
     return index.astype(np.float32), (grid_frequencies(samples, rate_hz) / rate_hz).astype(np.float32)
 
 
-@dataclass(frozen=True)
+@frozen
 class ToneLaw:
     """What depends on the length of a recording and on the sensor only; columns whitened."""
 
@@ -193,7 +193,7 @@ def log_kinds(share: Array, *, bumped: bool) -> Array:
     return np.log(np.concatenate([table, walk[None]]))
 
 
-@dataclass(frozen=True)
+@frozen
 class Evidence:
     """Every model: slow change s by no tone, each tone and each two tones (m = 1 + f + f (f - 1) / 2).
 
@@ -236,7 +236,7 @@ class Evidence:
         return total[1:]
 
 
-@dataclass(frozen=True)
+@frozen
 class Columns:
     """One recording's whitened columns, masked samples projected out."""
 

@@ -14,7 +14,7 @@ This is amortised Bayesian inference: the search over all pairs of some 200 freq
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,7 @@ from gyronorth.angles import mean_direction, wrap_heading
 from gyronorth.arrays import Array, Mask, median
 from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
+from gyronorth.frozen import frozen
 from gyronorth.sensor import TriadErrors
 
 #: From rates in units of noise less their median (n, 3), sample numbers from the middle (n,) and
@@ -59,7 +60,7 @@ FAR = 30.0
 POINTS = 1024
 
 
-@dataclass(frozen=True)
+@frozen
 class Amortised:
     """Posterior of the heading of one recording, and what was found."""
 
@@ -131,7 +132,7 @@ def amortising(gyro_l: ArrayLike, *, rate_hz: float, latitude: float, errors: Tr
     return _conclude(models, latitude, np.array(biases), bumps=int(masked.sum()), excess=excess, fits=fits)
 
 
-@dataclass(frozen=True)
+@frozen
 class Explored:
     """Where tones and bumps are, and all models there."""
 
@@ -185,7 +186,7 @@ def grown(flags: Mask) -> Mask:
     return wide
 
 
-@dataclass(frozen=True)
+@frozen
 class Lines:
     """Frequencies on which tones may be."""
 

@@ -14,7 +14,7 @@ horizontal rate, its vertical part is Earth's, both within the turn-on bias.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import product
 from typing import cast
@@ -28,6 +28,7 @@ from gyronorth.angles import DEG_PER_HOUR
 from gyronorth.arrays import Array, Index, median, robust_noise
 from gyronorth.attitude import heading_of_rate
 from gyronorth.earth import EARTH_RATE
+from gyronorth.frozen import frozen
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
@@ -51,7 +52,7 @@ NEGLIGIBLE = 1e-6
 UNKNOWN_BIAS = tuple(b * DEG_PER_HOUR for b in (0.1, 0.3, 1.0, 3.0, 10.0, 30.0))
 
 
-@dataclass(frozen=True)
+@frozen
 class BayesFit:
     """Posterior of the heading of one recording."""
 
@@ -66,7 +67,7 @@ class BayesFit:
     rate_l: Array  # (3,) expected constant rate in the level frame, rad/s
 
 
-@dataclass(frozen=True)
+@frozen
 class _Grid:
     """What does not depend on the data: features, whitened, of every tone and exponential."""
 
@@ -182,7 +183,7 @@ def _refined(grid: _Grid, models: _Models, rate_hz: float) -> _Grid:
     return _features(grid.whiten, rate_hz, frequency, log_prior)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Models:
     """Evidence of every model: of k exponentials or none (first row), with each of m sets of tones.
 

@@ -7,7 +7,6 @@ do not depend on who runs beside it: the same operations are done on the same nu
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from gyronorth.alignment.tones.elimination import tones_of
 from gyronorth.alignment.tones.evidence import Columns, ToneLaw, evidences
 from gyronorth.arrays import Array
+from gyronorth.frozen import frozen
 
 #: Numbers of an array over models that fit the cache of a core: so many recordings are weighed at once.
 AT_ONCE = 1 << 16
@@ -24,7 +24,7 @@ TOGETHER = 32
 Found = TypeVar("Found")
 
 
-@dataclass(frozen=True)
+@frozen
 class Proposing:
     """Where bumps and tones may be: the inputs of a network."""
 
@@ -33,7 +33,7 @@ class Proposing:
     cycles: NDArray[Any]  # (f,)
 
 
-@dataclass(frozen=True)
+@frozen
 class Weighing:
     """The evidence of every model of the columns of one recording."""
 

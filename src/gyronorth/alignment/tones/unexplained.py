@@ -8,11 +8,12 @@ the Earth rate is: a residual many times the noise leaves a heading all the same
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from gyronorth.arrays import Array, Mask
+from gyronorth.frozen import frozen
 from gyronorth.sensor import TriadErrors
 from gyronorth.sensor.law import NoiseLaw
 
@@ -24,7 +25,7 @@ ANGLES, WHITES = np.geomspace(1e-8, 1e-2, 35), np.geomspace(1.0, 1e3, 18)
 TIMES, LONGEST = 8, 0.25
 
 
-@dataclass(frozen=True)
+@frozen
 class BoundedMotion:
     """An Ornstein-Uhlenbeck angle of each axis."""
 
