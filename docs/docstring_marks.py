@@ -1,6 +1,7 @@
-"""An extension of the API pages: the marks of references in numpydoc, which Markdown does not know.
+"""An extension of the API pages: marks of references in numpydoc, and the parameters of frozen classes.
 
-`[1]_` becomes [1], and `.. [1] A book` an item of a list.
+Markdown does not know the marks: `[1]_` becomes [1], and `.. [1] A book` an item of a list. The pages show what a
+dataclass takes, and a class that is `gyronorth.frozen.frozen` takes the same.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from griffe import Extension, Object
+from griffe import Class, ExprName, Extension, Object
 
 
 class DocstringMarks(Extension):
@@ -19,3 +20,9 @@ class DocstringMarks(Extension):
         if obj.docstring:
             text = re.sub(r"(\[\d+\])_(?!\w)", r"\1", obj.docstring.value)
             obj.docstring.value = re.sub(r"^( *)\.\. (\[\d+\]) ", r"\1- \2 ", text, flags=re.MULTILINE)
+
+    def on_class_instance(self, *, cls: Class, **_: Any) -> None:
+        """What decorates one class."""
+        for decorator in cls.decorators:
+            if str(decorator.value) == "frozen":
+                decorator.value = ExprName("dataclasses.dataclass")
