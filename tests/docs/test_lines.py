@@ -60,3 +60,13 @@ def read(value: str) -> str:
     documented = SimpleNamespace(docstring=SimpleNamespace(value=value))
     module("docstring_marks").DocstringMarks().on_object(obj=documented)
     return documented.docstring.value
+
+
+def test_the_pages_show_what_a_frozen_class_takes(tmp_path):
+    griffe = pytest.importorskip("griffe", reason="griffe comes with the extra dev")
+    (tmp_path / "thing.py").write_text(
+        "from gyronorth.frozen import frozen\n\n\n@frozen\nclass Pair:\n    first: float\n    second: int = 2\n"
+    )
+    marks = griffe.load_extensions(module("docstring_marks").DocstringMarks())
+    found = griffe.load("thing", search_paths=[tmp_path], extensions=marks)["Pair"]
+    assert [each.name for each in found.parameters] == ["self", "first", "second"]
