@@ -121,7 +121,8 @@ class Doubt:
         flags = _flags(fields) * (since < BESIDE) * self._always
         count, tears = np.cumsum(shown), np.cumsum(loose, dtype=int)
         line = _Line(values, steps, usable, fields.ticks, fields.counter, count, tears, flags)
-        limit = self._limits(steps)
+        usual = self._blocks(steps)
+        limit = self._limits(steps, usual)
         doubt = np.where(since < BESIDE, 2, int(self._always))
         known = self._last is not None
         doubt = np.append(0, doubt) if known else doubt
@@ -133,7 +134,7 @@ class Doubt:
         good = np.flatnonzero(~damaged[:end])
         if len(good):
             self._last = line.at(int(good[-1]) + known)
-        self._keep(values[:end], steps[:end])
+        self._keep(values[:end], steps[:end], usual)
         self._since = int(since[end - 1]) if end else self._since
         return damaged[:end], end
 
@@ -236,26 +237,28 @@ class Doubt:
         far = (away > limit) & (np.abs(line.values[at] - line.values[behind]) > limit)
         return bool((far & (np.abs(line.values[behind] - line.values[before]) <= BACK * away)).any())
 
-    def _limits(self, steps: Array) -> Array:
+    def _limits(self, steps: Array, of_blocks: Array) -> Array:
         """The largest step of each sample, (n, k), by the usual one of the block before."""
         k = steps.shape[1]
         floor = np.where(np.arange(k) < 3, RATE_STEP, FORCE_STEP)
         if not len(self._usual):
-            self._usual, self._steps = _usual(steps[None, :BLOCK])[0], np.empty((0, k))
+            self._usual = _usual(steps[None, :BLOCK])[0]
         open_ = len(self._steps)
-        usual = np.concatenate((self._usual[None], self._blocks(steps)))
+        usual = np.concatenate((self._usual[None], of_blocks))
         return floor + STEPS * usual[(open_ + np.arange(len(steps))) // BLOCK]
 
     def _blocks(self, steps: Array) -> Array:
         """The usual step of each block that is full, (m, k)."""
-        steps = np.concatenate((self._steps, steps))
+        steps = np.concatenate((self._steps, steps)) if len(self._steps) else steps
         full = len(steps) // BLOCK
         return _usual(steps[: full * BLOCK].reshape(full, BLOCK, steps.shape[1]))
 
-    def _keep(self, values: Array, steps: Array) -> None:
-        full = self._blocks(steps)
-        self._usual = full[-1] if len(full) else self._usual
-        self._steps = np.concatenate((self._steps, steps))[len(full) * BLOCK :]
+    def _keep(self, values: Array, steps: Array, of_blocks: Array) -> None:
+        """Go on behind these; `of_blocks` is what is usual in each full block, perhaps in some behind them too."""
+        before = len(self._steps)
+        full = (before + len(steps)) // BLOCK
+        self._usual = of_blocks[full - 1] if full else self._usual
+        self._steps = np.concatenate((self._steps, steps))[full * BLOCK :] if before else steps[full * BLOCK :]
         self._value = values[-1:] if len(values) else self._value
 
 

@@ -38,8 +38,8 @@ BATCH = 0.05
 STALL = 2.0
 #: Pieces of the source that may wait, of at most 64 kB each.
 MOST_PIECES = 64
-#: Bytes that are parsed at a time, about: parsing needs some times their room.
-MOST_BYTES = 1 << 18
+#: Bytes that are parsed at a time, about: parsing needs some times their room, and of half as many a quarter more time.
+MOST_BYTES = 1 << 19
 #: Marks that are kept for the page.
 MOST_MARKS = 50
 

@@ -39,9 +39,10 @@ def _starts(data: Bytes) -> tuple[Index, Index]:
 
 
 def _judge(data: Bytes, start: Index, length: Index) -> tuple[Mask, Index]:
-    fields = np.maximum(*(fields_if_named(data, start, length, name) for name in _NAMES))
+    fields = fields_if_named(data, start, length, *_NAMES)
     short = np.flatnonzero((fields == _SHORTEST_OF_THREE) | (fields == _SHORTEST_OF_THREE + 1))
-    fields[short[_three_alike(data, start[short], start[short] + length[short] - 3)]] += _SHORT
+    if len(short):
+        fields[short[_three_alike(data, start[short], start[short] + length[short] - 3)]] += _SHORT
     return xor_holds(data, start, length), np.where(fields >= min(_ONE), fields, OTHER)
 
 

@@ -66,11 +66,11 @@ def begins_with(data: Bytes, start: Index, name: bytes) -> Mask:
     return here
 
 
-def fields_if_named(data: Bytes, start: Index, length: Index, name: bytes) -> Index:
-    """Commas of each line that begins with a name, (n,); `OTHER` where it does not."""
+def fields_if_named(data: Bytes, start: Index, length: Index, *names: bytes) -> Index:
+    """Commas of each line that begins with one of some names, (n,); `OTHER` where it does not."""
     commas = np.flatnonzero(data == ord(","))
     count = np.searchsorted(commas, start + length) - np.searchsorted(commas, start)
-    return np.where(begins_with(data, start, name), count, OTHER)
+    return np.where(np.any([begins_with(data, start, name) for name in names], axis=0), count, OTHER)
 
 
 def protocol_of_lines(
