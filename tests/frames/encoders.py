@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from gyronorth.frames import Options
+from gyronorth.frames import StreamOptions
 
 G = 9.80665
 #: Rates of a STIM, Hz, by the code in its configuration.
@@ -62,7 +62,7 @@ class Case:
     frames: list[bytes]
     gyro_step: float  # rad/s, half of it is the largest error
     accel_step: float
-    options: Options = field(default_factory=Options)
+    options: StreamOptions = field(default_factory=StreamOptions)
     others: tuple[bytes, ...] = ()
     preamble: bytes = b""  # what the unit sends at power-up
     knows_lost: str = "bytes"
@@ -168,7 +168,7 @@ def novatel(n: int = 1500, *, log: str = "RAWIMUSX", text: bool = True, rate: fl
         novatel_binary_frame(508, bytes(88), long=False),
         novatel_binary_frame(42, bytes(72), long=True),
     )
-    options = Options() if typed else Options(imu="isa100c")
+    options = StreamOptions() if typed else StreamOptions(imu="isa100c")
     return Case(
         f"novatel-{log}-{'text' if text else 'binary'}", "novatel", rate, w * gyro_step, f * accel_step, frames,
         gyro_step, accel_step, options, others, knows_lost="clock",
@@ -188,7 +188,7 @@ def kvh(n: int = 1500, *, form: str = "A", increments: bool = True, rate: float 
             body += struct.pack(">f", (29.25, 0.1, -0.2, 0.4)[i % 4])
         body += struct.pack(">BB", 0x77, i % 128) + (b"" if form == "C" else struct.pack(">h", 29))
         frames.append(body + crc32_msb(body).to_bytes(4, "big"))
-    options = Options(rate_hz=rate, gyro_unit="rad/s", increments="gyro" if increments else "none")
+    options = StreamOptions(rate_hz=rate, gyro_unit="rad/s", increments="gyro" if increments else "none")
     return Case(
         f"kvh-{form}-{'angle' if increments else 'rate'}", "kvh", rate,
         sent.astype(float) * (rate if increments else 1.0), force.astype(float) * G, frames, 1e-12, 1e-9, options,
@@ -216,7 +216,7 @@ def hg4930(n: int = 1500, *, rate: float = 100.0) -> Case:
         frames,
         gyro_step,
         accel_step,
-        Options() if rate == 100.0 else Options(rate_hz=rate),
+        StreamOptions() if rate == 100.0 else StreamOptions(rate_hz=rate),
         (control,),
     )
 
@@ -258,7 +258,7 @@ def anpp(n: int = 1500, *, rate: float = 100.0) -> Case:
     gyro, accel = (values.astype("<f4") for values in signal(n, FRD))
     frames = [anpp_frame(28, struct.pack("<12f", *accel[i], *gyro[i], 1, 2, 3, 25.0, 101325, 25.0)) for i in range(n)]
     return Case(
-        "anpp", "anpp", rate, gyro.astype(float), accel.astype(float), frames, 1e-12, 1e-9, Options(rate_hz=rate),
+        "anpp", "anpp", rate, gyro.astype(float), accel.astype(float), frames, 1e-12, 1e-9, StreamOptions(rate_hz=rate),
         (anpp_frame(20, bytes(100)), anpp_frame(3, bytes(12))),
     )  # fmt: skip
 
@@ -300,7 +300,7 @@ def vectornav_ascii(n: int = 1500, *, rate: float = 40.0) -> Case:
         for i in range(n)
     ]
     return Case(
-        "vectornav-ascii", "vectornav-ascii", rate, w * 1e-6, f * 1e-3, lines, 1e-6, 1e-3, Options(rate_hz=rate),
+        "vectornav-ascii", "vectornav-ascii", rate, w * 1e-6, f * 1e-3, lines, 1e-6, 1e-3, StreamOptions(rate_hz=rate),
         (xor_line("$VNYMR,-022.302,-006.402,-005.432,+01.0670,-00.2568,+03.0696,-00.8,+01.0,-09.7,+0.0,+0.0,+0.0"),),
     )  # fmt: skip
 

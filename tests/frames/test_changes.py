@@ -10,7 +10,7 @@ from frames import encoders
 
 import gyronorth as gn
 from gyronorth.errors import InputError
-from gyronorth.frames import FrameStream, Options, decode
+from gyronorth.frames import FrameStream, StreamOptions, decode
 from gyronorth.frames.clock import WATCHED, of_several_units
 from gyronorth.frames.protocol import Fields
 
@@ -91,7 +91,7 @@ def test_stim_that_starts_anew_counts_no_loss_and_says_so():
 @pytest.mark.parametrize("increments", [True, False])
 def test_stim_without_configuration_is_told_by_gravity(increments, rate):
     case = encoders.stim(80, increments=increments, rate=rate)
-    samples, report = decode(b"".join(case.frames), options=Options(rate_hz=rate))
+    samples, report = decode(b"".join(case.frames), options=StreamOptions(rate_hz=rate))
     assert samples.gyro == pytest.approx(case.gyro)
     assert samples.accel == pytest.approx(case.accel)
     assert {finding.code for finding in report.findings} == {"units_assumed", "range_assumed"}
@@ -202,12 +202,12 @@ def test_a_long_counter_that_goes_back_is_a_restart_and_no_loss():
     rates = 1e-5 * np.random.default_rng(1).standard_normal((300, 3))
     blocks = [(struct.pack(">H", i), rate.astype(">f4").tobytes()) for i, rate in enumerate(rates)]
     frames = [encoders.xbus_frame([(0x1020, counter), (0x8020, rate)]) for counter, rate in blocks]
-    samples, report = decode(b"".join(frames + frames), options=Options(rate_hz=400.0))
+    samples, report = decode(b"".join(frames + frames), options=StreamOptions(rate_hz=400.0))
     assert (len(samples), report.lost) == (600, 0)
     assert np.flatnonzero(samples.jumped).tolist() == [300]
     wrapped = [encoders.xbus_frame([(0x1020, struct.pack(">H", (65400 + i) & 0xFFFF)), (0x8020, blocks[i][1])])
                for i in range(300)]  # fmt: skip
-    samples, report = decode(b"".join(wrapped[:90] + wrapped[100:]), options=Options(rate_hz=400.0))
+    samples, report = decode(b"".join(wrapped[:90] + wrapped[100:]), options=StreamOptions(rate_hz=400.0))
     assert (report.lost, samples.jumped.any()) == (10, False)
 
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gyronorth.errors import InputError
-from gyronorth.frames import NAMES, FrameStream, Options, Samples, decode, recognise
+from gyronorth.frames import NAMES, FrameStream, Samples, StreamOptions, decode, recognise
 from gyronorth.frames.clock import NOMINAL_HZ, rate_of_clock
 from gyronorth.frames.framing import Framer
 from gyronorth.frames.protocol import Fields
@@ -183,7 +183,7 @@ def test_random_bytes_hold_no_more_frames_than_the_checksums_allow(name):
     """Of 2^20 positions each shows a false frame with a chance below 2^-24: two or more with one below 0.2 %."""
     frames = Framer(protocol_of(name)).feed(np.random.default_rng(11).bytes(1 << 20), last=True)
     assert len(frames) <= 1
-    stream = FrameStream(name, Options(rate_hz=100.0, imu="isa100c"))
+    stream = FrameStream(name, StreamOptions(rate_hz=100.0, imu="isa100c"))
     assert stream.feed(np.random.default_rng(12).bytes(1 << 20)) is None
     assert stream.finish() is None
 

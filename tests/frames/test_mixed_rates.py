@@ -10,7 +10,7 @@ import pytest
 from frames import encoders
 
 from gyronorth.errors import InputError
-from gyronorth.frames import FrameStream, Options, Report, Samples, decode
+from gyronorth.frames import FrameStream, Report, Samples, StreamOptions, decode
 from gyronorth.frames.samples import joined
 
 N, RATE_HZ = 200, 500.0
@@ -191,7 +191,7 @@ def test_lines_between_binary_frames_of_vectornav_are_no_lost_samples():
     line = encoders.xor_line("$VNYPR,+010.071,+000.278,-002.026")
     one = [encoders.vectornav_frame(0b100, (0b1100,), struct.pack("<6f", *FORCES[i], *RATES[i])) for i in range(N)]
     data = b"".join(frame + (line if i % 9 == 4 else b"") for i, frame in enumerate(one))
-    samples, report = decode(data, options=Options(rate_hz=400.0))
+    samples, report = decode(data, options=StreamOptions(rate_hz=400.0))
     assert (len(samples), report.lost, report.skipped) == (N, 0, 0)
 
 

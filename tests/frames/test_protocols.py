@@ -12,7 +12,7 @@ from frames.encoders import CASES, G
 
 from gyronorth.earth import EARTH_RATE
 from gyronorth.errors import InputError
-from gyronorth.frames import FrameStream, Options, Report, Samples, decode, recognise
+from gyronorth.frames import FrameStream, Report, Samples, StreamOptions, decode, recognise
 from gyronorth.frames.catalogue import PROTOCOLS
 from gyronorth.frames.framing import Framer
 from gyronorth.frames.protocols import kvh, stim
@@ -24,7 +24,7 @@ def codes(report: Report) -> set[str]:
     return {finding.code for finding in report.findings}
 
 
-def run(case: encoders.Case, options: Options | None = None, data: bytes | None = None) -> tuple[Samples, Report]:
+def run(case: encoders.Case, options: StreamOptions | None = None, data: bytes | None = None) -> tuple[Samples, Report]:
     data = case.preamble + b"".join(case.frames) if data is None else data
     return decode(data, case.protocol, options or case.options)
 
@@ -61,7 +61,7 @@ def test_stim_without_configuration_takes_the_range_from_gravity(range_g, bits):
     for i in range(80):
         force = b"".join(int(value).to_bytes(3, "big", signed=True) for value in (0, 0, -(2**bits)))
         frames.append(encoders.stim_datagram(b"\x91" + bytes(10) + force + b"\0" + bytes((i,)) + b"\0\1"))
-    samples, report = decode(b"".join(frames), "stim", Options(rate_hz=125.0))
+    samples, report = decode(b"".join(frames), "stim", StreamOptions(rate_hz=125.0))
     assert samples.accel == pytest.approx(np.tile([0, 0, -G], (80, 1)))
     assert codes(report) == {"units_assumed", "range_assumed"}
     assert f"{range_g} g, by the size of gravity" in " ".join(finding.message for finding in report.findings)
@@ -77,8 +77,8 @@ def test_stim_without_configuration_and_gravity_takes_10_g_and_tells_it():
 def test_stim_declared_increments_need_a_rate():
     frames = b"".join(stim_body((1, 2, 3), counter=i) for i in range(80))
     with pytest.raises(InputError, match="--rate HZ"):
-        decode(frames, "stim", Options(increments="gyro", accel_range_g=10))
-    samples, report = decode(frames, "stim", Options(increments="gyro", accel_range_g=10, rate_hz=125.0))
+        decode(frames, "stim", StreamOptions(increments="gyro", accel_range_g=10))
+    samples, report = decode(frames, "stim", StreamOptions(increments="gyro", accel_range_g=10, rate_hz=125.0))
     assert samples.gyro[0] == pytest.approx(np.radians(np.array([1, 2, 3]) * 2.0**-21 * 125))
     assert not report.findings
 
@@ -89,7 +89,7 @@ def test_stim_declared_increments_need_a_rate():
 )
 def test_stim_status(status, saturated, fault):
     frames = b"".join(stim_body((1, 2, 3), status if i == 70 else 0, i) for i in range(80))
-    samples, report = decode(frames, "stim", Options(rate_hz=125.0))
+    samples, report = decode(frames, "stim", StreamOptions(rate_hz=125.0))
     assert samples.saturated[70] == saturated
     assert samples.sensor_fault[70] == fault
     assert (report.saturated, report.sensor_fault) == (saturated, fault)
@@ -117,7 +117,7 @@ def test_every_stim_datagram_is_found(ident):
         body = bytearray(bytes((ident,)) + bytes(stim.size_of(ident) - 1))
         body[1:4], body[-3] = (2**14).to_bytes(3, "big"), i
         frames.append(encoders.stim_datagram(bytes(body)))
-    samples, report = decode(b"".join(frames), options=Options(rate_hz=125.0))
+    samples, report = decode(b"".join(frames), options=StreamOptions(rate_hz=125.0))
     assert report.protocol == "stim"
     assert samples.gyro == pytest.approx(np.tile([np.radians(1.0), 0, 0], (80, 1)))
     assert (samples.temperature is not None) == ("t" in stim.PARTS[ident])
@@ -175,7 +175,7 @@ def test_kvh_that_turns_is_taken_as_it_leaves_the_factory_and_told():
     case = encoders.kvh(200, increments=False)
     body = case.frames[0][:4] + np.full(3, 1e-2, ">f4").tobytes() + case.frames[0][16:-4]
     data = (body + encoders.crc32_msb(body).to_bytes(4, "big")) * 80
-    samples, report = decode(data, "kvh", Options(rate_hz=100.0))
+    samples, report = decode(data, "kvh", StreamOptions(rate_hz=100.0))
     assert samples.gyro[0] == pytest.approx(np.full(3, 1.0), rel=1e-6)
     assert "leaves the factory" in report.findings[0].message
 
@@ -218,7 +218,7 @@ def test_novatel_stamps_beat_the_rate_of_the_table_and_the_conflict_is_told():
 
 def test_novatel_without_imu_type_says_what_to_declare():
     with pytest.raises(InputError, match="do not name the IMU"):
-        run(encoders.novatel(80, log="RAWIMUS"), Options())
+        run(encoders.novatel(80, log="RAWIMUS"), StreamOptions())
     unknown = "%RAWIMUSXA,2300,1.0;00,99,2300,{}.0,00000000,1,2,3,4,5,6"
     with pytest.raises(InputError, match="IMU type 99"):
         decode(b"".join(encoders.novatel_text_frame(unknown.format(i)) for i in range(9)), "novatel")
@@ -275,7 +275,7 @@ def test_vectornav_saturation():
         encoders.vectornav_frame(4, (0x0808,), struct.pack("<3fH", 0.1, 0.2, 0.3, 0x40 if i == 5 else 0x1))
         for i in range(80)
     ]
-    samples, _ = decode(b"".join(frames), "vectornav", Options(rate_hz=100.0))
+    samples, _ = decode(b"".join(frames), "vectornav", StreamOptions(rate_hz=100.0))
     assert np.flatnonzero(samples.saturated).tolist() == [5]
     assert samples.accel is None
 
@@ -300,7 +300,7 @@ def test_mip_overrange_and_gps_time():
 def test_xbus_clipping_and_double_length():
     blocks = [(0x8020, struct.pack(">3f", 1, 2, 3)), (0x7010, bytes(200)), (0x7020, bytes(200))]
     frames = [encoders.xbus_frame([*blocks, (0xE020, struct.pack(">I", 0x800 if i == 9 else 0))]) for i in range(80)]
-    samples, report = decode(b"".join(frames), "xbus", Options(rate_hz=100.0))
+    samples, report = decode(b"".join(frames), "xbus", StreamOptions(rate_hz=100.0))
     assert np.flatnonzero(samples.saturated).tolist() == [9]
     assert samples.gyro[0].tolist() == [1, 2, 3]
     assert report.axes == "flu"
@@ -380,11 +380,11 @@ def test_hg4930_control_messages_alone_are_taken():
 def test_a_rate_that_is_only_usual_and_that_gravity_contradicts_is_asked():
     case = encoders.hg4930(200, rate=600.0)
     with pytest.raises(InputError, match=r"at 600 Hz it is.*pass --rate 600, or --rate 100 if it is not"):
-        run(case, Options())
-    samples, report = run(case, Options(rate_hz=600.0))
+        run(case, StreamOptions())
+    samples, report = run(case, StreamOptions(rate_hz=600.0))
     assert samples.accel == pytest.approx(case.accel, abs=case.accel_step)
     assert report.rate_hz == 600.0
-    samples, report = run(case, Options(rate_hz=100.0))
+    samples, report = run(case, StreamOptions(rate_hz=100.0))
     assert samples.accel == pytest.approx(case.accel / 6, abs=case.accel_step)
     assert codes(run(encoders.hg4930(200))[1]) == {"rate_assumed"}
 
@@ -393,14 +393,14 @@ def test_numbers_that_are_not_finite_are_left_out():
     values = np.full(12, np.nan, "<f4")
     good = encoders.anpp(80).frames
     bad = encoders.anpp_frame(28, values.tobytes())
-    samples, report = decode(b"".join(good[:70]) + bad + b"".join(good[70:]), "anpp", Options(rate_hz=100.0))
+    samples, report = decode(b"".join(good[:70]) + bad + b"".join(good[70:]), "anpp", StreamOptions(rate_hz=100.0))
     assert (len(samples), report.unusable) == (80, 1)
     assert samples.number.tolist() == [*range(70), *range(71, 81)]
 
 
 def test_a_declared_rate_that_the_clock_contradicts_is_told():
     case = encoders.sbg(100)
-    _, report = run(case, Options(rate_hz=100.0))
+    _, report = run(case, StreamOptions(rate_hz=100.0))
     assert report.rate_hz == 200.0
     assert "but 100 Hz (declared)" in report.findings[0].message
 
@@ -409,7 +409,7 @@ def test_a_declared_rate_that_the_clock_contradicts_is_told():
 def test_a_unit_that_is_set_anew_is_told_once():
     frames = encoders.stim(200).frames
     other = [stim_body((1, 2, 3), counter=i & 0xFF) for i in range(300)]
-    stream = FrameStream("stim", Options(rate_hz=500.0))
+    stream = FrameStream("stim", StreamOptions(rate_hz=500.0))
     for frame in [*frames, *other]:
         stream.feed(frame)
     report = stream.report
@@ -430,7 +430,7 @@ def test_output_units_of_stim_that_are_not_known_are_asked(units):
     data = encoders.stim_configuration(2, units[0], units[1], 0b0100) + b"".join(case.frames)
     with pytest.raises(InputError, match=r"(?s)output unit 1.*--increments"):
         decode(data)
-    samples, report = decode(data, options=Options(increments="none"))
+    samples, report = decode(data, options=StreamOptions(increments="none"))
     assert samples.gyro == pytest.approx(case.gyro)
     assert report.rate_hz == case.rate_hz
 
@@ -439,7 +439,7 @@ def test_output_units_of_stim_that_are_not_known_are_asked(units):
 def test_usual_rate_says_nothing_against_a_clock_that_agrees_with_a_declaration(declared, told):
     case = encoders.kvh(300, form="B", rate=1000.0)
     frames = [kvh_at(frame, 2000 * i) for i, frame in enumerate(case.frames)]
-    _, report = decode(b"".join(frames), options=Options(rate_hz=declared, gyro_unit="rad/s", increments="gyro"))
+    _, report = decode(b"".join(frames), options=StreamOptions(rate_hz=declared, gyro_unit="rad/s", increments="gyro"))
     assert report.rate_hz == 500.0
     assert [finding.code for finding in report.findings] == told
 

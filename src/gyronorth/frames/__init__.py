@@ -6,7 +6,7 @@ the unit). The rest of the package declares or turns axes at its edge, as for fi
 A capture::
 
     samples, report = decode(data)                      # the protocol is recognised by its checksums
-    samples, report = decode(data, "kvh", Options(rate_hz=1000.0))
+    samples, report = decode(data, "kvh", StreamOptions(rate_hz=1000.0))
 
 A running unit, or a file that is read in pieces::
 
@@ -26,7 +26,7 @@ from __future__ import annotations
 from gyronorth.errors import InputError
 from gyronorth.frames.catalogue import NAMES, PROTOCOLS, ProtocolInfo, protocol_info
 from gyronorth.frames.others import no_inertial_data, others_of
-from gyronorth.frames.protocol import Options
+from gyronorth.frames.protocol import StreamOptions
 from gyronorth.frames.recognition import LOOK, recognise
 from gyronorth.frames.samples import Report, Samples, joined
 from gyronorth.frames.stream import FrameStream
@@ -36,10 +36,10 @@ __all__ = [
     "PIECE",
     "PROTOCOLS",
     "FrameStream",
-    "Options",
     "ProtocolInfo",
     "Report",
     "Samples",
+    "StreamOptions",
     "decode",
     "joined",
     "no_inertial_data",
@@ -52,7 +52,7 @@ __all__ = [
 PIECE = 1 << 20
 
 
-def decode(data: bytes, protocol: str | None = None, options: Options | None = None) -> tuple[Samples, Report]:
+def decode(data: bytes, protocol: str | None = None, options: StreamOptions | None = None) -> tuple[Samples, Report]:
     """All samples of a capture.
 
     Parameters
@@ -61,7 +61,7 @@ def decode(data: bytes, protocol: str | None = None, options: Options | None = N
         As they came from the unit; both ends may be cut.
     protocol : str, optional
         Name in `NAMES`; by default it is recognised.
-    options : Options, optional
+    options : StreamOptions, optional
         What the user declares.
 
     Raises

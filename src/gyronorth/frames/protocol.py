@@ -19,7 +19,7 @@ OTHER = -1
 
 
 @dataclass(frozen=True)
-class Options:
+class StreamOptions:
     """Declarations about a stream; None: as the frames state, else the usual value."""
 
     rate_hz: float | None = None  # sample rate, Hz
@@ -75,13 +75,13 @@ class Force(NamedTuple):
         return cls(np.zeros(count, bool), np.zeros((count, 3)), np.zeros(count, bool))
 
 
-def scale_as_sent(_layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
+def scale_as_sent(_layout: int, _facts: Sequence[Bytes], _options: StreamOptions) -> Scale:
     """For protocols whose fields are in SI already."""
     return Scale()
 
 
 def nothing_to_infer(
-    _fields: Fields, scale: Scale, _options: Options, _rate_hz: float | None
+    _fields: Fields, scale: Scale, _options: StreamOptions, _rate_hz: float | None
 ) -> tuple[Scale, tuple[Finding, ...]]:
     """For protocols whose frames leave nothing open."""
     return scale, ()
@@ -114,9 +114,9 @@ class Protocol:
     force: Callable[[Bytes, float], Force] | None = None
     #: Order among layouts of one stream: the smallest is taken.
     rank: Callable[[int], int] = lambda _layout: 0
-    scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent
+    scale: Callable[[int, Sequence[Bytes], StreamOptions], Scale] = scale_as_sent
     #: What the frames at the start tell beyond what is stated: units, ranges.
-    infer: Callable[[Fields, Scale, Options, float | None], tuple[Scale, tuple[Finding, ...]]] = nothing_to_infer
+    infer: Callable[[Fields, Scale, StreamOptions, float | None], tuple[Scale, tuple[Finding, ...]]] = nothing_to_infer
     #: The checksum is so short that a cut frame and the begin of the next one pass for a whole frame too often: one in
     #: which another whole one begins that ends later is none.
     weak: bool = False

@@ -22,7 +22,7 @@ from gyronorth.frames.forces import LATE_FORCE, ForceTrack
 from gyronorth.frames.framing import Framer, Frames, joined, split, without
 from gyronorth.frames.merging import covered, fields_of, some_of
 from gyronorth.frames.others import names_of
-from gyronorth.frames.protocol import Bytes, Fields, Options, Scale
+from gyronorth.frames.protocol import Bytes, Fields, Scale, StreamOptions
 from gyronorth.frames.rates import RATE_CONFLICT, USUAL, findings_of_rates, rate_by_gravity
 from gyronorth.frames.registry import protocol_of
 from gyronorth.frames.samples import Kind, Report, Samples, held, to_next, usable_ones
@@ -56,7 +56,7 @@ class FrameStream:
     ----------
     protocol : str
         A name of `gyronorth.frames.catalogue.NAMES`.
-    options : Options
+    options : StreamOptions
         What the user declares.
     facts : sequence of bytes
         Configuration frames of the same unit that came before, as `facts` gives them.
@@ -67,10 +67,10 @@ class FrameStream:
         If the protocol is not known; later, from `feed`, if the stream leaves something open that must be declared.
     """
 
-    def __init__(self, protocol: str, options: Options | None = None, facts: Sequence[bytes] = ()) -> None:
+    def __init__(self, protocol: str, options: StreamOptions | None = None, facts: Sequence[bytes] = ()) -> None:
         self._protocol = protocol_of(protocol)
         self._info = protocol_info(protocol)
-        self._options = options or Options()
+        self._options = options or StreamOptions()
         self._framer = Framer(self._protocol)
         self._held: list[Frames] = []
         self._data_held = 0

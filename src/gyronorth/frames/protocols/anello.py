@@ -21,7 +21,7 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Scale, at_sync
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Scale, StreamOptions, at_sync
 from gyronorth.frames.protocols.text import columns_from_end, fields_if_named, line_starts, protocol_of_lines, xor_holds
 
 _NAMES = b"#APIMU,", b"#APIM1,"
@@ -71,7 +71,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], _options: StreamOptions) -> Scale:
     if layout < _LEAST_OF_THREE:
         raise InputError(
             f"The #APIMU or #APIM1 lines have {layout} fields: such a unit has one optical gyro (z) and MEMS gyros, "

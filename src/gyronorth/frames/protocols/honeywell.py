@@ -22,7 +22,7 @@ import numpy as np
 
 from gyronorth.arrays import Index, Mask
 from gyronorth.frames.checksums import column, sum_16_words
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, Scale, StreamOptions
 
 _ADDRESS = 0x0E
 _CONTROL, _INERTIAL, _INERTIAL_1120, _INERTIAL_1120_B = 0x01, 0x02, 0x05, 0x0D
@@ -69,7 +69,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     return Fields(gyro.astype(float), accel.astype(float))
 
 
-def _scale(layout: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], _options: StreamOptions) -> Scale:
     if layout % 256 == _CONTROL:
         gyro, accel = 2.0**-20 * _CONTROL_HZ, 2.0**-14 * _FOOT * _CONTROL_HZ
         return Scale(gyro, accel, usual_rate_hz=_CONTROL_HZ, profile="hg4930")

@@ -25,7 +25,7 @@ from gyronorth.arrays import Index, Mask
 from gyronorth.earth import EARTH_RATE, STANDARD_GRAVITY
 from gyronorth.findings import Finding
 from gyronorth.frames.checksums import column, crc_msb
-from gyronorth.frames.protocol import Bytes, Fields, Options, Protocol, Scale, at_sync
+from gyronorth.frames.protocol import Bytes, Fields, Protocol, Scale, StreamOptions, at_sync
 
 _A, _B, _C = 0x55, 0x56, 0x57
 _LENGTH = {_A: 36, _B: 40, _C: 38}
@@ -77,14 +77,16 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(_layout: int, _facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(_layout: int, _facts: Sequence[Bytes], options: StreamOptions) -> Scale:
     increments = options.increments in ("gyro", "both", None)
     return Scale(
         _UNITS[options.gyro_unit or "rad/s"], STANDARD_GRAVITY, gyro_increments=increments, usual_rate_hz=1000.0
     )
 
 
-def _infer(fields: Fields, scale: Scale, options: Options, rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
+def _infer(
+    fields: Fields, scale: Scale, options: StreamOptions, rate_hz: float | None
+) -> tuple[Scale, tuple[Finding, ...]]:
     if options.gyro_unit and options.increments:
         return scale, ()
     norm = float(np.linalg.norm(fields.gyro.mean(axis=0)))

@@ -19,7 +19,7 @@ import numpy as np
 from gyronorth.arrays import Index, Mask
 from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.frames.checksums import column, fletcher_16
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Options, Protocol, Scale, at_sync, with_head
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Protocol, Scale, StreamOptions, at_sync, with_head
 from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _SENSOR_SET = 0x80
@@ -134,7 +134,7 @@ def _time(rows: Bytes, blocks: Blocks, reads: int) -> tuple[Index | None, Mask |
     return None, None
 
 
-def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
+def _scale(reads: int, _facts: Sequence[Bytes], _options: StreamOptions) -> Scale:
     return Scale(1.0, STANDARD_GRAVITY, bool(reads & _BITS[_DELTA_THETA]), bool(reads & _BITS[_DELTA_VELOCITY]))
 
 

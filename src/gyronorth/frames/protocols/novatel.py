@@ -23,7 +23,7 @@ from gyronorth.arrays import Index, Mask
 from gyronorth.errors import InputError
 from gyronorth.frames.checksums import column
 from gyronorth.frames.framing import windows
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, at_sync, u16, with_head
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, Scale, StreamOptions, at_sync, u16, with_head
 from gyronorth.frames.protocols.text import begins_with, columns_from_end, hex_at_end, line_starts, name_of
 
 _RAWIMU, _RAWIMUS, _RAWIMUX, _RAWIMUSX = 268, 325, 1461, 1462
@@ -192,7 +192,7 @@ def _log(layout: int) -> int:
     return layout % _TEXT // 1000
 
 
-def _scale(layout: int, _facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(layout: int, _facts: Sequence[Bytes], options: StreamOptions) -> Scale:
     names = ", ".join(imu.name for imu in IMU_TYPES)
     if _log(layout) in _TYPED:
         known = [imu for imu in IMU_TYPES if imu.number == layout % 1000]

@@ -24,7 +24,7 @@ from gyronorth.earth import STANDARD_GRAVITY
 from gyronorth.errors import InputError
 from gyronorth.findings import Finding
 from gyronorth.frames.checksums import column, crc_msb, int24
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, Scale, StreamOptions
 
 #: Parts of a datagram: r rate, a acceleration, i inclination, t their temperatures, x AUX or PPS.
 PARTS = {
@@ -107,7 +107,7 @@ def _fields(rows: Bytes, layout: int) -> Fields:
     )
 
 
-def _scale(_layout: int, facts: Sequence[Bytes], options: Options) -> Scale:
+def _scale(_layout: int, facts: Sequence[Bytes], options: StreamOptions) -> Scale:
     if facts:
         return _scale_of(facts[-1][0], options)
     increments = options.increments or "none"
@@ -124,7 +124,7 @@ def _scaled(gyro_increments: bool, accel_increments: bool, range_g: float) -> Sc
     return Scale(float(gyro), accel, gyro_increments, accel_increments, profile="stim300")
 
 
-def _scale_of(configuration: Bytes, options: Options) -> Scale:
+def _scale_of(configuration: Bytes, options: StreamOptions) -> Scale:
     """By a configuration datagram; byte 0 is its identifier (table 5-16)."""
     rate_code, gyro_unit, accel_unit = configuration[3] >> 5, configuration[5] & 0b0111, configuration[8] & 0b0111
     if gyro_unit == 0b011 or accel_unit in (0b011, 0b100):
@@ -154,7 +154,9 @@ def _scale_of(configuration: Bytes, options: Options) -> Scale:
     return replace(scale, rate_hz=rate_hz, stated=True)
 
 
-def _infer(fields: Fields, scale: Scale, options: Options, rate_hz: float | None) -> tuple[Scale, tuple[Finding, ...]]:
+def _infer(
+    fields: Fields, scale: Scale, options: StreamOptions, rate_hz: float | None
+) -> tuple[Scale, tuple[Finding, ...]]:
     """Without a configuration datagram: unit and range by the size of gravity, else rate and 10 g."""
     if scale.stated or (options.increments and options.accel_range_g):
         return scale, ()
@@ -182,7 +184,7 @@ def _infer(fields: Fields, scale: Scale, options: Options, rate_hz: float | None
     return scale, (*findings, found)
 
 
-def _by_gravity(fields: Fields, options: Options, rate_hz: float | None) -> tuple[int, bool] | None:
+def _by_gravity(fields: Fields, options: StreamOptions, rate_hz: float | None) -> tuple[int, bool] | None:
     """Range, g, and whether the accelerometer's numbers are increments; None where no choice makes them gravity."""
     if fields.accel is None:
         return None

@@ -8,7 +8,7 @@ import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.frames.framing import windows
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Options, Protocol, Scale, scale_as_sent
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Protocol, Scale, StreamOptions, scale_as_sent
 
 _HEX = np.full(256, -1, np.int64)
 for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
@@ -78,7 +78,7 @@ def protocol_of_lines(
     starts: Callable[[Bytes], tuple[Index, Index]],
     judge: Callable[[Bytes, Index, Index], tuple[Mask, Index]],
     fields: Callable[[Bytes, int], Fields],
-    scale: Callable[[int, Sequence[Bytes], Options], Scale] = scale_as_sent,
+    scale: Callable[[int, Sequence[Bytes], StreamOptions], Scale] = scale_as_sent,
 ) -> Protocol:
     """A protocol whose frames are all lines with the exclusive or of their characters."""
     return Protocol(

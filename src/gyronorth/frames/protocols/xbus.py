@@ -18,7 +18,7 @@ import numpy as np
 
 from gyronorth.arrays import Array, Index, Mask
 from gyronorth.frames.checksums import column
-from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Options, Protocol, Scale, at_sync, u16
+from gyronorth.frames.protocol import OTHER, Bytes, Fields, Force, Protocol, Scale, StreamOptions, at_sync, u16
 from gyronorth.frames.protocols.tagged import Blocks, groups_of, layouts_of
 
 _MTDATA2 = 0x36
@@ -160,7 +160,7 @@ def _fields(rows: Bytes, reads: int) -> Fields:
     )
 
 
-def _scale(reads: int, _facts: Sequence[Bytes], _options: Options) -> Scale:
+def _scale(reads: int, _facts: Sequence[Bytes], _options: StreamOptions) -> Scale:
     return Scale(gyro_increments=bool(reads & _BITS[_DELTA_Q]), accel_increments=bool(reads & _BITS[_DELTA_V]))
 
 

@@ -11,7 +11,17 @@ from typing import Literal, cast
 import numpy as np
 
 from gyronorth.errors import InputError
-from gyronorth.frames import NAMES, PIECE, FrameStream, Options, Report, Samples, no_inertial_data, others_of, recognise
+from gyronorth.frames import (
+    NAMES,
+    PIECE,
+    FrameStream,
+    Report,
+    Samples,
+    StreamOptions,
+    no_inertial_data,
+    others_of,
+    recognise,
+)
 from gyronorth.frames.recognition import LOOK
 from gyronorth.readers.format import Format, format_info
 from gyronorth.readers.options import ReadOptions
@@ -76,7 +86,7 @@ def usual_facts(report: Report) -> Facts:
     return Facts(axes=report.axes, rate_hz=None if report.clock == "unit's clock" else report.rate_hz)
 
 
-def frame_options(protocol: str, options: ReadOptions, name: str) -> Options:
+def frame_options(protocol: str, options: ReadOptions, name: str) -> StreamOptions:
     """Declarations about a file or a stream as those about its frames.
 
     Raises
@@ -95,7 +105,7 @@ def frame_options(protocol: str, options: ReadOptions, name: str) -> Options:
         raise InputError(f"--gyro-unit deg/h is declared of {name}; KVH frames hold rad/s or deg/s.")
     increments = {None: None, True: "both", False: "none"}.get(options.increments, options.increments)  # type: ignore[call-overload]
     gyro_unit = cast("Literal['rad/s', 'deg/s'] | None", options.gyro_unit)
-    return Options(options.rate_hz, gyro_unit, increments, options.accel_range_g, options.imu)
+    return StreamOptions(options.rate_hz, gyro_unit, increments, options.accel_range_g, options.imu)
 
 
 def refuse_others(path: Path) -> None:
@@ -170,7 +180,7 @@ class _Account:
         return (*self.report.findings, Note("clock_set", message, float(self.breaks), 0.0))
 
 
-def _blocks(path: Path, protocol: str, options: Options, account: _Account) -> Iterator[Block]:
+def _blocks(path: Path, protocol: str, options: StreamOptions, account: _Account) -> Iterator[Block]:
     stream = FrameStream(protocol, options)
     account.breaks = 0
     for samples, share in _samples(path, stream):
