@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import pickle
 from dataclasses import FrozenInstanceError, asdict, dataclass, field, fields, is_dataclass, replace
 
@@ -51,6 +52,15 @@ def test_values_text_and_dictionary_are_those_of_a_dataclass(given, named):
     assert [each.name for each in fields(Ours)] == [each.name for each in fields(Theirs)]
     assert is_dataclass(ours)
     assert Ours.__match_args__ == Theirs.__match_args__
+
+
+def test_help_and_editors_are_told_what_it_takes():
+    ours, theirs = (inspect.signature(cls).parameters for cls in (Ours, Theirs))
+    assert list(ours) == list(theirs)
+    for name in ("name", "size", "hidden"):
+        assert ours[name] == theirs[name]
+    assert ours["parts"].default is not inspect.Parameter.empty
+    assert list(inspect.signature(Below).parameters) == ["name", "more"]
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,23 @@ def frozen(cls: type[_Class]) -> type[_Class]:
     for method in (__init__, __setattr__, __delattr__, __eq__, __hash__, __repr__):
         if method.__name__ not in vars(cls):
             setattr(made, method.__name__, method)
+    made.__signature__ = _Signature()
     return made
+
+
+class _Signature:
+    """What a class takes, for `help` and editors: worked out when it is asked for."""
+
+    def __get__(self, _instance: Any, cls: type[Any]) -> Any:
+        from inspect import Parameter, Signature
+
+        def default_of(each: Field[Any]) -> Any:
+            made = Parameter.empty if each.default_factory is MISSING else ...
+            return made if each.default is MISSING else each.default
+
+        kind = Parameter.POSITIONAL_OR_KEYWORD
+        taken = [Parameter(each.name, kind, default=default_of(each), annotation=each.type) for each in fields(cls)]
+        return Signature(taken, return_annotation=None)
 
 
 @cache

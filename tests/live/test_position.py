@@ -9,10 +9,14 @@ from threading import Event
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from live_stream import Played, seconds, timed_rows
 from pynmeagps import GET, NMEAMessage
 
 from gyronorth.live.events import Bytes, Connected, Ended, Lost
 from gyronorth.live.position import Position, latitude_of
+from gyronorth.live.session import LiveSettings, Session
+from gyronorth.live.status import NO_FIX
+from gyronorth.readers import ReadOptions
 
 GGA = b"$GPGGA,092204.999,4250.5589,S,14718.5084,E,1,04,24.4,19.7,M,,,,0000*1F\r\n"
 
@@ -92,3 +96,29 @@ def test_a_fix_is_waited_for():
     position.start()
     assert position.wait(300)
     assert position.latitude == pytest.approx(-radians(42 + 50.5589 / 60))
+
+
+class Late:
+    """A receiver whose fix comes when it is asked for."""
+
+    name, live = "late", True
+
+    def __init__(self) -> None:
+        self.asked = Event()
+
+    def run(self, emit, stop: Event) -> None:
+        self.asked.wait(300)
+        emit(Bytes(GGA))
+
+
+def test_commands_are_obeyed_while_a_fix_is_waited_for():
+    receiver = Late()
+    asked = LiveSettings(ReadOptions(), method="mean", position=Position(receiver))
+    session = Session(Played(timed_rows(seconds(0, 5))), asked)
+    session.start()
+    session.command("stop")
+    session.saved()  # every command before it is done
+    assert (session.status.state, session.status.trouble) == ("stopped", f"{NO_FIX} from late")
+    receiver.asked.set()
+    assert session.ended.wait(300)
+    session.close()

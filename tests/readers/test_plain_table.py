@@ -21,10 +21,12 @@ OTHERS = {
     "semicolons": b"t;w_x;w_y;w_z\n" + b"0,1;2;3;4\n" * 60,
     "Fortran": b"t,w_x,w_y,w_z\n" + b"0.1,1D-5,2,3\n" * 60,
     "parts of a phone": b"t,x,y,z,gravityX,gravityY,gravityZ,userAccelerationX\n" + ROWS,
+    "parts of a phone in a comment": b"#t,x,y,z,gravityX,gravityY,gravityZ,userAccelerationX\n" + ROWS,
     "GnssLogger": b"# UncalGyro,utcTimeMillis,elapsedRealtimeNanos,x,y,z\n" + ROWS,
     "comments below": b"t,w_x,w_y,w_z\n" + ROWS + b"# end\n",
     "titles alone, without rows": b"t,w_x,w_y,w_z\n",
     "comments alone": b"# rate_hz: 600",
+    "a coloured comment": b"#\x1b[32m t,w_x,w_y,w_z\x1b[0m\nt,w_x,w_y,w_z\n" + ROWS,
     "coloured": b"\x1b[32mt,w_x,w_y,w_z\x1b[0m\n" + ROWS,
 }
 

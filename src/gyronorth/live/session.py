@@ -128,7 +128,7 @@ class Session:
     def start(self) -> None:
         """Start the threads."""
         self._estimation.start()
-        self._thread = Thread(target=self._work, name="session", daemon=True)
+        self._thread = Thread(target=self.run, name="session", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -160,19 +160,19 @@ class Session:
             synced.wait(timeout=10)
             self._estimation.flush()
 
-    def _work(self) -> None:
-        """The body of the session's thread."""
-        if self._placed():
-            Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
-        self.run()
-
     def run(self) -> None:
-        """Take what comes until the session ends."""
+        """Take what comes until the session ends: the body of its thread."""
         try:
+            if self.settings.position is not None:
+                self.settings.position.start()
+            placed = self._placed()
             while not self._stop.is_set() and self._state != "failed":
                 begun = time.monotonic()
                 self._take(self._waiting())
-                self._watch()
+                if placed:
+                    self._watch()
+                else:
+                    placed = self._placed()
                 self._publish()
                 if self._queue.empty():
                     self._stop.wait(max(0.0, begun + BATCH - time.monotonic()))
@@ -194,18 +194,14 @@ class Session:
             self.ended.set()
 
     def _placed(self) -> bool:
-        """Wait for the first fix of a receiver, whose latitude the samples need; False where the session ends first."""
+        """Start the source; where a receiver tells the latitude, at its first fix, for the samples need it."""
         position = self.settings.position
-        if position is None:
-            return True
-        position.start()
-        while not position.wait(BATCH):
-            if self._stop.is_set():
-                return False
+        if position is not None and not position.wait(0.0):
             why = f" ({position.trouble})" if position.trouble else ""
             self._trouble = f"{NO_FIX} from {position.name}{why}"
-            self._publish()
+            return False
         self._trouble, self._last_data = "connecting", time.monotonic()
+        Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
         return True
 
     def _waiting(self, *, timeout: float = 0.1) -> list[SourceEvent | Command]:

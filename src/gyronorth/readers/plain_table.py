@@ -6,8 +6,8 @@ from __future__ import annotations
 _OF_NUMBERS, _COMMENT = b"0123456789+-.eE, \r\n", b"#"
 #: Words of titles, and of comments, of tables that are written anew all the same: see `phones`, and `records`.
 _OF_PHONES, _OF_LOGGER = (b"gravity", b"accelerometeracceleration"), b"Gyro"
-#: Symbols that no title needs: a colour of a terminal, and how lists and objects begin.
-_STRANGE = (b"\x1b", b"{", b"[[")
+#: How a colour of a terminal begins; in titles also how lists and objects do.
+_ESCAPE, _STRANGE = b"\x1b", (b"{", b"[[")
 
 
 def is_plain_table(head: bytes) -> bool:
@@ -21,7 +21,9 @@ def is_plain_table(head: bytes) -> bool:
         if above == 0:
             return False
     below = head.find(b"\n", above) + 1
-    titles = head[above:below].lower()
-    if not titles.strip() or any(word in titles for word in (*_OF_PHONES, *_STRANGE)) or _OF_LOGGER in head[:above]:
+    if _OF_LOGGER in head[:above] or any(word in head[:below].lower() for word in _OF_PHONES):
+        return False
+    titles = head[above:below]
+    if not titles.strip() or any(word in titles for word in _STRANGE) or _ESCAPE in head[:below]:
         return False
     return b"," in head[below:] and not head[below:].translate(None, _OF_NUMBERS)
