@@ -117,7 +117,7 @@ class Law:
 
 
 #: Laws that are kept: 2.3 MB each at most, as many as one recording without a profile takes. A running unit, whose
-#: every estimate is of another length, fills all places.
+#: every estimate is of another length, fills all places. So do the parts below, of which one recording takes fewer.
 KEPT = 8
 
 
@@ -178,7 +178,7 @@ class _Moves:
     yaw_log_prior: Array  # (v,)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _moves(seconds: float, forces: int, *, known: bool, beside: bool) -> _Moves:
     """Bases of all motions; beside tones or bumps, of what they leave."""
     duration, some = seconds * COUNT, SWAY if forces > 1 else SWAY_UNSEEN
@@ -247,7 +247,7 @@ def tone_root(seconds: float, frequency: float, size: float) -> Array:
     return np.asarray(wave[:, 0].T * (size / np.sqrt(2)), dtype=float)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def _white(white: float, quantisation: float, seconds: float, *, accel: bool) -> Array:
     """Covariance of the noise without memory."""
     errors = TriadErrors(white=white, quantisation=quantisation)
@@ -262,7 +262,7 @@ def _drifting(gyro: TriadErrors, seconds: float, factor: float) -> TriadErrors:
     return replace(gyro, white=0.0, quantisation=0.0, turn_on_bias=0.0, flicker=flicker)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)
 def _drifts(gyro: TriadErrors, seconds: float, *, accel: bool) -> Array:
     """Covariances of the in-run drift at every scale, (drifts, d, d)."""
     each = [factor**2 * _blocked(NoiseLaw(_drifting(gyro, seconds, factor)), seconds, accel=accel) for factor in DRIFTS]
@@ -275,7 +275,7 @@ def _blocked(noise: NoiseLaw, seconds: float, *, accel: bool) -> Array:
     return both @ noise.mean_covariance(fine[:-1], fine[1:], rate_hz=FINE / seconds) @ both.T
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def block_operators(seconds: float, *, accel: bool) -> Array:
     """From means over `FINE` parts of each block to block means of the rate, then of its integral."""
     mean: Array = np.asarray(np.kron(np.eye(COUNT), np.full(FINE, 1 / FINE)), dtype=float)
@@ -285,7 +285,7 @@ def block_operators(seconds: float, *, accel: bool) -> Array:
     return np.concatenate([mean, np.asarray(mean @ integral, dtype=float)])
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _motion(seconds: float, time: float) -> Array:
     """Covariance of block means of the rate of a tilt of unit variance and correlation time `time`, s.
 
@@ -296,7 +296,7 @@ def _motion(seconds: float, time: float) -> Array:
     return np.diff(np.diff(tilt, axis=0), axis=1) / seconds**2
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=4)
 def _creep(seconds: float) -> Array:
     """Covariance of block means of the rate of an angle that settles to unit variance at the end, in any time."""
     edges: Array = np.asarray(np.arange(COUNT + 1) / COUNT, dtype=float)
@@ -314,7 +314,7 @@ def _walk_modes() -> Array:
     return np.sqrt(2) * np.sin(wave * time[:, None]) / wave
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def _shapes(seconds: float, scale: float, *, accel: bool) -> Shapes:
     duration = seconds * COUNT
     edges = np.asarray(np.arange(COUNT + 1) * seconds, dtype=float)
