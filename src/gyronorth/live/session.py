@@ -128,6 +128,10 @@ class Session:
     def start(self) -> None:
         """Start the threads."""
         self._estimation.start()
+        if self.settings.position is None:
+            self._begin_source()
+        else:
+            self.settings.position.start()
         self._thread = Thread(target=self.run, name="session", daemon=True)
         self._thread.start()
 
@@ -163,9 +167,7 @@ class Session:
     def run(self) -> None:
         """Take what comes until the session ends: the body of its thread."""
         try:
-            if self.settings.position is not None:
-                self.settings.position.start()
-            placed = self._placed()
+            placed = self.settings.position is None
             while not self._stop.is_set() and self._state != "failed":
                 begun = time.monotonic()
                 self._take(self._waiting())
@@ -194,15 +196,19 @@ class Session:
             self.ended.set()
 
     def _placed(self) -> bool:
-        """Start the source; where a receiver tells the latitude, at its first fix, for the samples need it."""
+        """Begin the source at the first fix of the receiver of the latitude, which the samples need; whether it is."""
         position = self.settings.position
-        if position is not None and not position.wait(0.0):
+        assert position is not None
+        if not position.wait(0.0):
             why = f" ({position.trouble})" if position.trouble else ""
             self._trouble = f"{NO_FIX} from {position.name}{why}"
             return False
         self._trouble, self._last_data = "connecting", time.monotonic()
-        Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
+        self._begin_source()
         return True
+
+    def _begin_source(self) -> None:
+        Thread(target=self._source.run, args=(self._queue.put, self._stop), name="source", daemon=True).start()
 
     def _waiting(self, *, timeout: float = 0.1) -> list[SourceEvent | Command]:
         """What has come from the source and the page; waits for the first."""
